@@ -9,7 +9,6 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import cv2.data
@@ -24,8 +23,8 @@ from perception.api import Box, Image
 from perception.faces import HaarFaces
 from perception.finder import FaceFinder
 from perception.geometry import FACE_WIDTH
+from tests.footage import FOOTAGE
 
-FOOTAGE = Path(__file__).parents[2].parent / "shared/data/faces"
 CLIPS = ("again.mkv", "learn.mkv", "sister.mkv", "want.mkv")
 SECONDS = 8.0
 RATE = 20.0

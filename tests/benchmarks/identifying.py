@@ -37,9 +37,9 @@ from perception.identity import Look, Recogniser, agreed
 from perception.people import KnownPeople
 from perception.sface import SFacePeople
 from perception.yunet import YuNetFaces
+from tests.footage import FOOTAGE
 from tests.perception.people_drawn import EYE, FAR_DISTANCES, LENS, NEAR_DISTANCES, strangers
 
-FOOTAGE = Path(__file__).parents[2].parent / "shared/data/faces"
 CLIPS = ("again", "learn", "sister", "want")
 
 TAUGHT = 3

@@ -19,9 +19,9 @@ from drivers.sim.render import Renderer
 from drivers.sim.rendered import RenderedCamera
 from drivers.sim.viewpoint import Pinhole, Viewpoint
 from drivers.sim.world import World
+from tests.footage import FOOTAGE
 
 SIXTY = radians(60)
-CLIPS = Path(__file__).parents[2].parent / "shared/data/faces"
 WORLD = World(people=(Person("p", x=1.5, y=0.2),))
 RENDERER = Renderer(WORLD, Pinhole(640, 480, SIXTY), noise=0.0)
 
@@ -91,10 +91,10 @@ def test_a_panned_camera_asks_for_the_view_at_the_stamp_of_the_frame() -> None:
     assert not inner.health().online
 
 
-@pytest.mark.skipif(not CLIPS.exists(), reason="the recorded clips are not on this machine")
+@pytest.mark.skipif(not FOOTAGE.exists(), reason="the recorded clips are not on this machine")
 def test_recorded_people_are_still_found_after_a_turn() -> None:
     haar = cv2.CascadeClassifier(str(Path(cv2.data.haarcascades) / "haarcascade_frontalface_default.xml"))
-    clip = cv2.VideoCapture(str(CLIPS / "again.mkv"))
+    clip = cv2.VideoCapture(str(FOOTAGE / "again.mkv"))
     _, image = clip.read()
     clip.release()
     for yaw in (-0.3, 0.0, 0.3):

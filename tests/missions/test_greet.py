@@ -16,8 +16,7 @@ from missions.executive.events import CommandSent, Event, FaultRaised, Logged, N
 from missions.executive.executive import Result
 from missions.order import RunRequest
 from missions.runner import Runner
-
-CLIPS = Path(__file__).parents[2].parent / "shared/data/faces"
+from tests.footage import FOOTAGE
 
 
 def run(order: RunRequest) -> tuple[Result, list[Event], list[str]]:
@@ -85,11 +84,11 @@ def test_with_nobody_there_greet_fails_and_says_that_no_face_was_found() -> None
     assert said == []
 
 
-@pytest.mark.skipif(not CLIPS.is_dir(), reason="the clips of real people are not here")
+@pytest.mark.skipif(not FOOTAGE.is_dir(), reason="the clips of real people are not here")
 @pytest.mark.parametrize("clip", ["again", "learn", "sister", "want"])
 @pytest.mark.real_time
 def test_a_real_person_in_a_recorded_clip_is_greeted(clip: str) -> None:
-    result, events, said = run(RunRequest("greet", {"patience": "20 s"}, camera=str(CLIPS / f"{clip}.mkv")))
+    result, events, said = run(RunRequest("greet", {"patience": "20 s"}, camera=str(FOOTAGE / f"{clip}.mkv")))
     assert result.result == "success"
     assert said == ["Hello!"]
     assert max(aims(events, *greeting(events))) < math.radians(5)

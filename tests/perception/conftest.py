@@ -9,8 +9,8 @@ import pytest
 import skimage.data
 
 from perception.api import Box, Image
+from tests.footage import FOOTAGE
 
-FOOTAGE = Path(__file__).parents[2].parent / "shared/data/faces"
 HEAD = Box(151, 13, 146, 190)  # hair to chin of the astronaut
 FACE = Box(176, 65, 97, 97)  # of it, what a Haar box shows
 
