@@ -18,6 +18,7 @@ from drivers.finding.machine import Machine
 from drivers.finding.serial_ports import SerialPort, serial_ports
 from drivers.finding.usb import ADAPTERS
 from missions.assembly.installed import extras, lacking
+from missions.assembly.lags import BASE, CAMERA, kept
 from missions.library.folders import state_folder
 
 PROBE_PATIENCE = 0.02
@@ -56,10 +57,14 @@ def check_robot(
     }
     wires = {port: Lock() for port in named.values()}  # parts on one wire are looked at one after another
 
+    delays = kept(config)
+
     def look_at(part: str) -> list[Finding]:
         section, port = config.sections[part], named[part]
         with wires[port] if port else nullcontext():
-            return [*_extra(section), *_part(section, port, there, machine, clock, resets=resets)]
+            found = [*_extra(section), *_part(section, port, there, machine, clock, resets=resets)]
+        late = f"{delays[part] * 1000:.0f} ms, as earlier runs have learnt" if part in delays else "not learnt yet"
+        return found + [Finding("delay", late)] * (part in (CAMERA, BASE))
 
     with ThreadPoolExecutor(max(1, len(named))) as pool:  # most of the time each waits for its device
         for part, findings in zip(named, pool.map(look_at, named), strict=True):

@@ -51,7 +51,7 @@ class Lags:
     def __init__(self, config: RobotConfig, *, simulated: bool) -> None:
         self._name, self._simulated = config.name, simulated
         self._file = "" if simulated else _fingerprint(config)
-        self._kept = {} if simulated else _kept(config.name, self._file)
+        self._kept = {} if simulated else kept(config)
         self.delay = Delay(self._kept.get(CAMERA, 0.0 if config.camera is None else config.camera.delay))
         self.lag = Lag()
         if BASE in self._kept:
@@ -77,18 +77,21 @@ def _fingerprint(config: RobotConfig) -> str:
         return ""
 
 
-def _kept(robot: str, file: str) -> dict[str, float]:
-    """Return the delays in seconds that were kept of a robot with such a ``file``; what is not sound counts as none."""
+def kept(config: RobotConfig) -> dict[str, float]:
+    """Return the delays in seconds that earlier runs have kept of a robot, by ``CAMERA`` and ``BASE``.
+
+    What is not sound, or was learnt from another robot file, counts as none.
+    """
     try:
-        found = json.loads(read_regular(lags_file(robot), MAX_FILE_SIZE))
-        if found["robot_file"] != file:
+        found = json.loads(read_regular(lags_file(config.name), MAX_FILE_SIZE))
+        if found["robot_file"] != _fingerprint(config):
             return {}
-        kept = {CAMERA: found.get(CAMERA), BASE: found.get(BASE)}
+        delays = {CAMERA: found.get(CAMERA), BASE: found.get(BASE)}
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return {}
     return {
         key: value
-        for key, value in kept.items()
+        for key, value in delays.items()
         if isinstance(value, float) and LEAST[key] <= value <= MAX_LAGS[key]  # and so it is no NaN either
     }
 

@@ -21,7 +21,9 @@ from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal, WireDevice
 from missions.assembly.checkup import Checked
+from missions.assembly.lags import ENOUGH, Lags
 from missions.cli.doctor.report import anonymous, report, secrets
+from missions.library.drivers import load_robot
 from missions.library.folders import checkup_file
 from tests.drivers.desks import RecordedMachine, sent_instructions
 from tests.missions.command import Outcome, command
@@ -109,6 +111,12 @@ def test_a_robot_that_is_well_is_told_part_by_part_and_a_board_that_would_start_
     assert "left alone" in nano["what"]
     assert json.loads(told.out)["ok"] is True
     assert found["voice", "driver"]["what"] == "print: not looked at, for it has no check-up"
+    assert found["base", "delay"]["what"] == "not learnt yet"
+    kit = Lags(load_robot(Path("kit.yaml")), simulated=False)
+    kit.lag.seconds, kit.lag.spread, kit.lag.reports = 0.19, 0.003, ENOUGH
+    kit.keep()
+    again = findings(mission("--robot", "kit.yaml", "--root", str(desk.root), "--json"))
+    assert again["base", "delay"]["what"] == "190 ms, as earlier runs have learnt"
 
 
 @pytest.mark.real_time
