@@ -52,7 +52,7 @@ def measure(asks: argparse.Namespace) -> dict[str, object]:
         tab.ask("Emulation.setCPUThrottlingRate", rate=asks.slower)
         return {
             view: visit(tab, f"http://{its.host}/#{view.lower()}", asks.seconds if view == "Live" else 5.0)
-            for view in (*VIEWS, "Robot")
+            for view in VIEWS
         }
 
 

@@ -1,15 +1,18 @@
 """The studio's page in a browser, used as a person does: by role and name, with the mouse and the keyboard."""
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from missions.studio.studio import PAGE
 from tests.browser import Browser, Element, Tab
 from tests.missions.studio.serving import Served
 from tests.waiting import wait_until
 
 PHONE, DESKTOP = (360, 740), (1280, 800)
 
-VIEWS = ("Run", "Live", "Drive", "Records", "Tasks", "Failsafe")
+VIEWS = tuple(re.findall(r'<a href="#\w+">(\w+)</a>', (PAGE / "index.html").read_text(encoding="utf-8")))
+"""The names of all views, as the head of the page has them."""
 
 
 class Page:
