@@ -21,7 +21,7 @@ Role = Literal["viewer", "operator"]
 Run = Annotated[str, "Which run, as `runs` names it.", Bound(high=64)]
 Id = Annotated[int | None, "Comes back with the answer.", Bound(-(2**53), 2**53)]
 Number = Annotated[
-    int, "Counts the commands of this driver, upwards; a lower one than the last is dropped.", Bound(0, 2**53)
+    int, "Counts the commands of this driver, upwards; at one not higher than the last the base stops.", Bound(0, 2**53)
 ]
 Sent = Annotated[float, "When it was sent, in seconds of any clock of the sender's that goes evenly."]
 Share = Bound(-1.0, 1.0)

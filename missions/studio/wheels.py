@@ -102,7 +102,7 @@ class Wheels:
         self._let_go()
 
     def _owned(self, key: object, command: Drive | Look) -> tuple[Pilot, Base, float]:
-        """Return with what and when to do a command, if it counts."""
+        """Return with what and when to do a command, if it counts; at one late or out of order the base stops."""
         now = self._clock.now()
         if self._pilot is None or self._base is None:
             raise BadMessage("no_base", "this run has no base to drive")
@@ -111,11 +111,13 @@ class Wheels:
             raise BadMessage("no_wheels", who, "take")
         number, self._number = self._number, max(self._number, command.n)
         if command.n <= number:
-            raise BadMessage("out_of_order", f"number {command.n} comes after {number}: dropped")
+            self._pilot.steer(None)
+            raise BadMessage("out_of_order", f"number {command.n} comes after {number}: the base stops")
         way = now - command.t
         self._quickest = min(self._quickest, way)
         if way - self._quickest > LATE:
-            more = f"{way - self._quickest:.1f} s longer on its way than others: dropped"
+            self._pilot.steer(None)
+            more = f"{way - self._quickest:.1f} s longer on its way than others: the base stops"
             raise BadMessage("late", more, "take the wheels anew, where that stays so")
         return self._pilot, self._base, now
 

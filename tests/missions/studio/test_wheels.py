@@ -84,24 +84,32 @@ def test_the_base_stops_when_its_driver_goes(driving: Driving) -> None:
     assert driving.stands
 
 
-def test_an_older_number_is_dropped(driving: Driving) -> None:
+@pytest.mark.parametrize("number", [4, 5])
+def test_the_base_stops_at_a_number_out_of_order_and_obeys_the_next(driving: Driving, number: int) -> None:
     driving.wheels.take("Ada", "Ada")
     driving.drive(number=5)
-    before = driving.commands
-    for number in (4, 5):
-        refused("out_of_order", lambda number=number: driving.drive(number=number))  # type: ignore[misc]
-    assert driving.commands == before
+    refused("out_of_order", lambda: driving.drive(number=number))
+    assert driving.stands
+    driving.drive(number=6)
+    assert not driving.stands
 
 
-def test_a_command_that_was_long_on_its_way_is_dropped_whatever_clock_its_sender_has(driving: Driving) -> None:
+def test_the_base_stops_at_a_command_that_was_long_on_its_way_whatever_clock_its_sender_has(driving: Driving) -> None:
     driving.wheels.take("Ada", "Ada")
     driving.drive(sent=-1e6)
     driving.clock.advance(LATE + 0.01)
-    before = driving.commands
     refused("late", lambda: driving.drive(sent=-1e6))
-    assert driving.commands == before
+    assert driving.stands
     driving.drive(sent=-1e6 + LATE)
-    assert driving.commands != before
+    assert not driving.stands
+
+
+def test_the_base_stops_at_a_movement_of_the_head_out_of_order_too(driving: Driving) -> None:
+    driving.wheels.take("Ada", "Ada")
+    driving.drive(number=5)
+    driving.number = 3
+    refused("out_of_order", driving.look)
+    assert driving.stands
 
 
 def test_after_a_lost_link_one_has_to_let_go_before_the_base_obeys_again(driving: Driving) -> None:
