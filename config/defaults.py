@@ -29,6 +29,10 @@ class DefaultsKeys:
         help="Folders of yours with `robots/`, `worlds/`, `missions/`, `gestures/`, `controllers/` or `objects/`: "
         "their files are found by name.",
     )
+    record: bool = key(
+        default=True,
+        help="Whether runs on a robot, and those from the studio, are recorded where nothing else is said.",
+    )
 
 
 def config_folder(environment: Mapping[str, str] = os.environ) -> Path:

@@ -49,8 +49,8 @@ def _in_words() -> Iterator[None]:
 def list_command(folder: Path | None) -> None:
     """List the records in a folder, the newest first; else those that are kept by default, of runs on robots.
 
-    Those are kept for 30 days, and 2 GB of them. `mission run --no-record` keeps nothing; MISSION_RECORD=no in the
-    environment neither, unless --record asks for it.
+    Those are kept for 30 days, and 2 GB of them. `mission run --no-record` keeps nothing; `record: false` in
+    defaults.yaml, or MISSION_RECORD=no in the environment, nothing of any run, unless --record asks for it.
     """
     from missions.studio.looking_back import entry  # noqa: PLC0415 - it needs mcap, as open_record says
     from missions.studio.ring import records_folder, records_in  # noqa: PLC0415

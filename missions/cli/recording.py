@@ -58,7 +58,9 @@ def record_options(command: Any) -> Any:
             "become rarer.",
         ),
         click.option(
-            "--no-record", is_flag=True, help="Keep nothing of a run on a robot, which is recorded otherwise."
+            "--no-record",
+            is_flag=True,
+            help="Keep nothing of a run on a robot, which is recorded unless your defaults.yaml says `record: false`.",
         ),
         click.option(
             "--record",
@@ -86,7 +88,7 @@ def record_wish(
     Raises click.UsageError for options that could only be ignored.
     """
     asked = record is not None
-    if record is None and otherwise and ring.wanted():
+    if record is None and otherwise:
         record = ring.records_folder()
         try:
             ring.make_room(record, time_of_day().timestamp())

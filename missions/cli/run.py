@@ -23,6 +23,7 @@ from missions.cli.running import Outputs, run
 from missions.executive.executive import Result
 from missions.hands.teleop.pad import FIRST
 from missions.order import RunRequest, Simulate
+from missions.studio import ring
 
 EXIT_CODES = {"success": SUCCESS, "failure": FAILURE, "interrupted": INTERRUPTED, "error": DEVICE}
 
@@ -208,7 +209,7 @@ def command(
         record_frames,
         overwrite=overwrite,
         mission=name,
-        otherwise=order.simulation is None and not no_record,
+        otherwise=not no_record and ring.wanted(simulated=order.simulation is not None),
     )
     announcer = None
     if ros2 or ros2_router is not None:

@@ -28,7 +28,11 @@ PORT = 8642
 )
 @click.option("--name", "names", multiple=True, metavar="NAME", help="Another name by which browsers ask for it.")
 @click.option("--open", "in_browser", is_flag=True, help="Open the page in the browser.")
-@click.option("--record/--no-record", default=True, show_default=True, help="Record the runs that it starts.")
+@click.option(
+    "--record/--no-record",
+    default=None,
+    help="Record the runs that it starts, simulated ones too: so it is unless your defaults.yaml says `record: false`.",
+)
 @click.option(
     "--certificate",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
@@ -43,7 +47,7 @@ def command(
     host: str,
     names: tuple[str, ...],
     in_browser: bool,
-    record: bool,
+    record: bool | None,
     certificate: Path | None,
     key: Path | None,
     leash: int | None,
@@ -55,7 +59,7 @@ def command(
     stop. Runs go on when the studio ends, and those of other terminals are in it too.
     """
     try:
-        from missions.studio import tokens  # noqa: PLC0415
+        from missions.studio import ring, tokens  # noqa: PLC0415
         from missions.studio.access import Access  # noqa: PLC0415 - the extra may be missing
         from missions.studio.serving import Place, listening, serve  # noqa: PLC0415
     except ImportError as error:
@@ -69,7 +73,8 @@ def command(
         hint = "another --port" if port else "another --host"
         raise click.ClickException(f"{host} port {port}: {error.strerror or error}\n  try: {hint}") from error
     with closing(socket):
-        place = Place(host, socket.getsockname()[1], names, certificate, key, record, access, leash)
+        kept = ring.wanted() if record is None else record
+        place = Place(host, socket.getsockname()[1], names, certificate, key, kept, access, leash)
 
         def begun() -> None:
             link = place.link(access.operator)

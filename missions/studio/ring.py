@@ -5,6 +5,7 @@ from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 
+from config.defaults import load_defaults
 from missions.library.folders import state_folder
 
 DAYS = 30
@@ -14,7 +15,7 @@ ROOM = 2_000_000_000
 """Bytes that all records may take together."""
 
 SWITCH = "MISSION_RECORD"
-"""The variable of the environment by which a user says ``no`` for good."""
+"""A variable of the environment, before the user's default: ``no``, ``yes``, or ``all``, simulated runs too."""
 
 
 def records_folder() -> Path:
@@ -31,9 +32,14 @@ def records_in(folder: Path) -> list[Path]:
         return []
 
 
-def wanted() -> bool:
-    """Say whether runs are recorded by default: not where the user does not want it, or what writes records lacks."""
-    return os.environ.get(SWITCH, "").lower() not in ("no", "0", "off") and find_spec("mcap") is not None
+def wanted(*, simulated: bool = False) -> bool:
+    """Say whether a run is recorded by default: not where the user does not want it, or what writes records lacks.
+
+    Raises InvalidFileError for the user's defaults.
+    """
+    said = os.environ.get(SWITCH, "").lower()
+    wished = said not in ("no", "0", "off") if said else load_defaults().record
+    return wished and (said == "all" or not simulated) and find_spec("mcap") is not None
 
 
 def make_room(folder: Path, now: float) -> None:

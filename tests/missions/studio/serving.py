@@ -90,7 +90,7 @@ class Client:
 @contextmanager
 def studio(*more: str) -> Iterator[Served]:
     """Serve a studio until this is over. The runs that it began, which live on without it, are ended too."""
-    process, before = Process("studio", "--port", "0", *more), {*sockets()}
+    process, before = Process("studio", "--port", "0", "--record", *more), {*sockets()}
     try:
         yield Served(process)
     finally:

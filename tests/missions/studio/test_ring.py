@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from config.defaults import FILE, config_folder, keep_default
 from missions.studio import ring
 from tests.missions.command import command
 from tests.missions.lone_base import lone_base
@@ -42,6 +43,25 @@ def test_the_newest_stays_however_large_it_is(tmp_path: Path, monkeypatch: pytes
     assert path.exists()
 
 
+@pytest.mark.parametrize(
+    ("said", "default", "robot", "simulated"),
+    [
+        ("", "# nothing", True, False),
+        ("", "record: false", False, False),
+        ("yes", "record: false", True, False),
+        ("no", "record: true", False, False),
+        ("all", "record: false", True, True),
+    ],
+)
+def test_the_users_default_says_whether_runs_are_recorded_and_the_environment_goes_before_it(
+    said: str, default: str, robot: bool, simulated: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MISSION_RECORD", said)
+    config_folder().mkdir(parents=True, exist_ok=True)
+    (config_folder() / FILE).write_text(default, encoding="utf-8")
+    assert (ring.wanted(), ring.wanted(simulated=True)) == (robot, simulated)
+
+
 @pytest.mark.real_time
 def test_a_run_on_a_robot_is_recorded_unless_somebody_says_no(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -53,7 +73,10 @@ def test_a_run_on_a_robot_is_recorded_unless_somebody_says_no(
     with lone_base() as base:
         run = ("run", str(mission), "--robot", "turtlebot2", "--port", f"base={base.port}")
         assert command(capsys, *run, "--no-record").code == 0
+        keep_default("record", "false")
+        assert command(capsys, *run).code == 0
         assert command(capsys, "record", "list").out.startswith("no records in ")
+        keep_default("record", "true")
         assert command(capsys, *run).code == 0
     listed = command(capsys, "record", "list").out
     assert "brief" in listed
