@@ -5,13 +5,12 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator, Mapping, Sequence
+from typing import IO
 
-from drivers.clock import time_of_day
 from missions.studio import sockets
 from missions.studio.form import BadMessage
-from missions.studio.ring import make_room
+from missions.studio.ring import SWITCH
 from missions.studio.wishes import AddTask, Start
 
 BEGIN_TIME = 60.0
@@ -19,6 +18,15 @@ BEGIN_TIME = 60.0
 
 PERIOD = 0.05
 """Seconds from one look whether it has to the next."""
+
+RAN = (0, 1)
+"""Exit codes of a run that has been made, and that was so short that nobody has seen its control socket."""
+
+END_TIME = 3.0
+"""Seconds for which the last words are waited for of a run that is not to be reached any more."""
+
+KEPT = 32
+"""Runs that have ended whose last words are kept."""
 
 RUN = (sys.executable, "-m", "missions", "run")
 
@@ -41,11 +49,12 @@ def words_of(command: Start | AddTask) -> Iterator[str]:
 
 
 class Launcher:
-    """Starts runs, and records them in the folder ``records`` as far as that is wished."""
+    """Starts runs, which are recorded where that is wished and ``record``."""
 
-    def __init__(self, records: Path | None, *, command: Sequence[str] = RUN) -> None:
-        self._records, self._command = records, command
-        self._children: set[subprocess.Popen[bytes]] = set()
+    def __init__(self, *, record: bool, command: Sequence[str] = RUN) -> None:
+        self._record, self._command = record, command
+        self._children: dict[subprocess.Popen[bytes], IO[bytes]] = {}  # and what each says
+        self._ended: dict[str, str] = {}
         self.stops = 0
         """How often all was stopped: what was asked for before does not begin after it."""
 
@@ -53,8 +62,8 @@ class Launcher:
         """Begin none of the runs that were asked for until now, and end those that cannot be stopped otherwise yet."""
         self.stops += 1
 
-    async def start(self, wanted: Start, stops: int | None = None) -> str:
-        """Start a run and return its name once its control socket is there. Raises BadMessage with its own words.
+    async def start(self, wanted: Start, stops: int | None = None) -> Mapping[str, object]:
+        """Start a run and answer `start` once its control socket is there. Raises BadMessage with its own words.
 
         ``stops`` is how often all had been stopped when it was asked for.
         """
@@ -62,22 +71,24 @@ class Launcher:
         words = [*words_of(wanted), f"--seed={wanted.seed}"]
         if wanted.speed is not None:
             words.append(f"--speed={wanted.speed:g}")
-        if wanted.record and self._records is not None:
-            await asyncio.to_thread(make_room, self._records, time_of_day().timestamp())
-            words.append(f"--record={self._records}")
-        # Not a pipe: a run ends when nobody reads what it writes, and is not to end with the studio.
-        with tempfile.TemporaryFile() as said:
-            self._check_unstopped(stops)
-            process = await asyncio.to_thread(self._popen, [*words, "--", wanted.mission], said.fileno())
-            for _ in range(int(BEGIN_TIME / PERIOD)):
-                if process.poll() is not None:
-                    raise BadMessage("cannot_start", _said(said.fileno()) or "the run has ended, and said nothing")
-                self._check_unstopped(stops, process)
-                if sockets.path_of(str(process.pid)).exists():
-                    return str(process.pid)
-                await asyncio.sleep(PERIOD)
-            process.terminate()
-            raise BadMessage("cannot_start", f"the run has not begun within {BEGIN_TIME:g} s: {_said(said.fileno())}")
+        recorded = "all" if wanted.record and self._record else "no"
+        self._check_unstopped(stops)
+        self._reap()
+        try:
+            process, said = await asyncio.to_thread(self._popen, [*words, "--", wanted.mission], recorded)
+        except OSError as error:  # of processes, or of room for what it says
+            raise BadMessage("cannot_start", f"the run has not begun: {error}", "df -h /tmp; ulimit -u") from error
+        run = str(process.pid)
+        for _ in range(int(BEGIN_TIME / PERIOD)):
+            self._check_unstopped(stops, process)
+            if process.poll() in RAN or sockets.path_of(run).exists():
+                told = (self._ended.get(run) or _last(said)).splitlines()
+                return {"run": run, "message": "\n".join(line for line in told if line.startswith("mission: "))}
+            if process.poll() is not None:
+                raise BadMessage("cannot_start", await self.last_words(run))
+            await asyncio.sleep(PERIOD)
+        process.terminate()
+        raise BadMessage("cannot_start", f"the run has not begun within {BEGIN_TIME:g} s: {_last(said)}")
 
     def _check_unstopped(self, stops: int, process: "subprocess.Popen[bytes] | None" = None) -> None:
         if self.stops != stops:
@@ -85,26 +96,42 @@ class Launcher:
                 process.terminate()
             raise BadMessage("cannot_start", "everything was stopped before it had begun", "start it again")
 
-    def reap(self) -> None:
-        """Take note of the runs that have ended; the others go on."""
-        self._children = {child for child in self._children if child.poll() is None}
+    async def last_words(self, run: str) -> str:
+        """Return the last that a run said which was started here and has ended, or ends; nothing of another one."""
+        for _ in range(int(END_TIME / PERIOD)):
+            self._reap()
+            if run not in {str(child.pid) for child in self._children}:
+                break
+            await asyncio.sleep(PERIOD)
+        return self._ended.get(run, "")
+
+    def _reap(self) -> None:
+        for child, said in [*self._children.items()]:
+            if child.poll() is not None:
+                del self._children[child]
+                self._ended[str(child.pid)] = _last(said) or "the run has ended, and said nothing"
+                said.close()
+        while len(self._ended) > KEPT:
+            del self._ended[next(iter(self._ended))]
 
     @property
     def running(self) -> list[int]:
         """The processes that it has started and that go on."""
-        self.reap()
+        self._reap()
         return sorted(child.pid for child in self._children)
 
-    def _popen(self, words: Sequence[str], said: int) -> "subprocess.Popen[bytes]":
-        self.reap()
+    def _popen(self, words: Sequence[str], recorded: str) -> "tuple[subprocess.Popen[bytes], IO[bytes]]":
+        # Not a pipe: a run ends when nobody reads what it writes, and is not to end with the studio.
+        said = tempfile.TemporaryFile()  # noqa: SIM115 - closed once the run has ended
         process = subprocess.Popen(  # noqa: S603 - ourselves
-            [*self._command, *words], stdin=subprocess.DEVNULL, stdout=said, stderr=said, start_new_session=True
-        )
-        self._children.add(process)
-        return process
+            [*self._command, *words], stdin=subprocess.DEVNULL, stdout=said, stderr=said, start_new_session=True,
+            env={**os.environ, SWITCH: recorded},
+        )  # fmt: skip
+        self._children[process] = said
+        return process, said
 
 
-def _said(number: int) -> str:
+def _last(said: IO[bytes]) -> str:
     """Return the last that a run has written."""
-    size = os.fstat(number).st_size
-    return os.pread(number, 4000, max(0, size - 4000)).decode(errors="replace").strip()
+    size = os.fstat(said.fileno()).st_size
+    return os.pread(said.fileno(), 4000, max(0, size - 4000)).decode(errors="replace").strip()

@@ -20,7 +20,6 @@ from missions.studio.audit import Audit
 from missions.studio.commands import LARGEST
 from missions.studio.launch import Launcher
 from missions.studio.reader import Reader
-from missions.studio.ring import records_folder
 from missions.studio.studio import Studio
 
 MOST_CONNECTIONS = 200
@@ -160,7 +159,7 @@ def config_of(place: Place, make: Any) -> uvicorn.Config:
 
 def serve(place: Place, sockets: Sequence[socket.socket], begun: Any) -> list[int]:
     """Serve until a signal ends it; call ``begun`` once it does. Return the runs that were started and go on."""
-    launcher = Launcher(records_folder() if place.record else None)
+    launcher = Launcher(record=place.record)
     reader = Reader()
     server = Server(
         config_of(place, lambda: Studio(Audit(state_folder() / "studio.log"), launcher, reader, place.access))

@@ -177,7 +177,12 @@ class Session:
     async def _do(self, command: Command) -> Mapping[str, object] | None:
         match command:
             case Watch():
-                await self._watch(command)
+                try:
+                    await self._watch(command)
+                except BadMessage as error:
+                    if words := await self._studio.last_words(command.run):
+                        raise BadMessage("no_such_run", words) from error
+                    raise
             case Seen():
                 self._seen(command)
             case _:

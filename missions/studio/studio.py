@@ -115,9 +115,9 @@ class Studio:
         if isinstance(command, Start):
             stops = self._launcher.stops
             await self._reader.check(command)
-            run = await self._launcher.start(command, stops)
+            begun = await self._launcher.start(command, stops)
             await self.hub.look()
-            return {"run": run}
+            return begun
         if isinstance(command, AddPerson):
             about = self.hub.known(command.run)
             return await add_person(command, self.hub.watching(command.run), str(about["robot"]))
@@ -144,6 +144,10 @@ class Studio:
     async def report(self, name: str) -> str:
         """Return the report of a record, as a page. Raises BadMessage for one that cannot be read."""
         return await self._reader.report(name)
+
+    async def last_words(self, run: str) -> str:
+        """Return the last that a run said which was started here and has ended; nothing of another one."""
+        return await self._launcher.last_words(run)
 
     def _tell_runs(self) -> None:
         told = Runs(runs=self.hub.runs())

@@ -161,7 +161,8 @@ export class Run {
       const members = this.#target.members();
       for (const each of buttons) each.disabled = true;
       tell(`${plain(mission)} is being started…`, "good");
-      const { run } = await this.#link.ask({ do: "start", mission, params, ...members }, 60000);
+      const { run, message } = await this.#link.ask({ do: "start", mission, params, ...members }, 60000);
+      if (message) tell(message);
       this.#target.unsure();
       this.#watcher.follow(run);
       location.hash = "#live";

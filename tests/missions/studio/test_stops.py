@@ -78,7 +78,7 @@ class Deaf:
 
 
 def studio_of(folder: Path, launcher: Launcher | None = None) -> Studio:
-    return Studio(Audit(folder / "log"), launcher or Launcher(None), cast("Any", None), Access())
+    return Studio(Audit(folder / "log"), launcher or Launcher(record=False), cast("Any", None), Access())
 
 
 @pytest.mark.real_time
@@ -138,7 +138,7 @@ def test_a_client_that_reads_nothing_keeps_no_new_run_from_the_others(tmp_path: 
 
 
 def test_a_run_that_is_being_started_does_not_begin_after_a_stop(tmp_path: Path) -> None:
-    launcher = Launcher(None, command=(sys.executable, "-c", "import time; time.sleep(1000)"))
+    launcher = Launcher(record=False, command=(sys.executable, "-c", "import time; time.sleep(1000)"))
     studio = studio_of(tmp_path, launcher)
 
     async def work() -> None:
