@@ -4,8 +4,8 @@ What is public here is at hand as ``missions.load``, ``missions.run`` and so on;
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -17,9 +17,9 @@ from py_trees.common import Status
 from behaviours.foreign import Around
 from behaviours.node import Node
 from behaviours.robot import Robot
-from behaviours.run import Run
+from behaviours.run import Run, log
 from drivers.api import Reflexes
-from drivers.api.kinds import KINDS
+from drivers.api.kinds import KINDS, SOUNDING
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
 from missions.assembly.assembled import Assembled
@@ -36,6 +36,8 @@ from missions.library.shipped import behaviour_files, load_mission
 from missions.library.vocabulary import vocabulary
 from missions.order import RunRequest, Simulate, contradictions
 from missions.runner import PATIENT, Runner
+from missions.studio.control import ControlSocket
+from missions.studio.pictures import Pictures
 
 Params = Mapping[str, object]
 """A mission's params by name: texts as a mission would write them ("5 s"), or plain numbers and flags."""
@@ -49,17 +51,25 @@ class Mission:
     and waits for its parts; in the end it halts, brings every actuator to rest and closes every port. Without a robot
     the context only halts.
 
-    While ticks are made by hand no watchdog looks after them and no signal is taken; ``missions.run`` does that.
+    While ticks are made by hand no watchdog looks after them and no signal is taken; ``missions.run`` does that. With a
+    robot that is open, ``mission stop`` stops it from any terminal: paused so, it does nothing when it is ticked, and
+    ended so, it is halted.
     """
 
     def __init__(
-        self, executive: Executive, *, lacks: frozenset[str] = frozenset(), runner: Runner | None = None
+        self,
+        executive: Executive,
+        *,
+        lacks: frozenset[str] = frozenset(),
+        runner: Runner | None = None,
+        opening: Callable[[], AbstractContextManager[None]] | None = None,
     ) -> None:
         self.root: Node = executive.root
         self.events: Stream = executive.stream
         self._executive = executive
         self._lacks = lacks
-        self._runner = runner
+        self._runner, self._opening = runner, opening
+        self._still = False
         self._opened = ExitStack()
         self._open = runner is None
 
@@ -96,7 +106,13 @@ class Mission:
             raise BadRequest(f"the robot of mission '{self.name}' is not open", hint="with mission: mission.tick()")
         if self._runner is not None and self._runner.twins is not None:
             self._executive.pass_period()
-        return self._executive.tick()
+        if self._executive.stopping:  # by the control socket, as what follows
+            self.halt()
+            return self.status
+        if self._executive.paused and not self._still:
+            self._executive.run.safe_stop(self.root.claims - SOUNDING)
+        self._still = self._executive.paused
+        return self.status if self._still else self._executive.tick()
 
     def halt(self) -> bool:
         """Stop what runs; True once all is at rest. A leaf may need several ticks: call it again while it is False."""
@@ -105,8 +121,8 @@ class Mission:
 
     def __enter__(self) -> Self:
         """Open the robot and wait for its parts. Raises drivers.errors.NotConnected with all that do not appear."""
-        if self._runner is not None:
-            self._opened.enter_context(self._runner.ready())
+        if self._opening is not None:
+            self._opened.enter_context(self._opening())
             self._open = True
         return self
 
@@ -145,8 +161,15 @@ def load(
     given = _texts(params)
     if isinstance(robot, str):
         order = RunRequest(str(path), given, robot, _level(simulate), world, seed=seed, behaviours=files, eyes=eyes)
-        runner = Runner(order)
-        return Mission(runner.executive, runner=runner)
+        pictures = Pictures()
+        runner = Runner(order, on_view=pictures.view, on_frame=pictures.frame)
+
+        @contextmanager
+        def opening() -> Iterator[None]:
+            with _reachable(runner, order, pictures), runner.ready():
+                yield
+
+        return Mission(runner.executive, runner=runner, opening=opening)
     parts = Robot() if robot is None else robot
     has = frozenset(part for part, device in _devices(parts).items() if device is not None)
     target = None if robot is None else _target(parts, has)
@@ -192,9 +215,10 @@ def run(
 ) -> Result:
     """Run a mission to its end and return how that was, as ``mission run`` does, with the same options.
 
-    Simulated unless ``robot`` is named; ``simulate="fast"`` is simulated time, without waiting. On the main thread,
-    Ctrl-C and its like end it safely, and a signal that a hanging leaf keeps from being heard ends the process, with
-    the robot at rest. A leaf that hangs without a signal is waited for, with the robot kept still.
+    Simulated unless ``robot`` is named; ``simulate="fast"`` is simulated time, without waiting. ``mission stop`` stops
+    it from any terminal. On the main thread, Ctrl-C and its like end it safely, and a signal that a hanging leaf keeps
+    from being heard ends the process, with the robot at rest. A leaf that hangs without a signal is waited for, with
+    the robot kept still.
 
     Raises ValueError for arguments that contradict each other, such as a camera in simulated time; InvalidFileError,
     UnknownNameError, or a drivers.errors.DriverError such as NotConnected.
@@ -215,7 +239,19 @@ def run(
     if why := "; ".join(contradictions(order, _argument)):
         raise ValueError(why)
     limits = replace(PATIENT if order.simulation == "fast" else Limits(), lost=math.inf)
-    return Runner(order, listeners=listeners, limits=limits).run()
+    pictures = Pictures()
+    runner = Runner(order, listeners=listeners, limits=limits, on_view=pictures.view, on_frame=pictures.frame)
+    with _reachable(runner, order, pictures):
+        return runner.run()
+
+
+@contextmanager
+def _reachable(runner: Runner, order: RunRequest, pictures: Pictures) -> Iterator[None]:
+    """Have the control socket of a run, by which ``mission stop`` stops it."""
+    with ControlSocket(runner, pictures, order) as control:
+        if control.trouble:
+            log.warning("%s: `mission stop` cannot reach this run", control.trouble)
+        yield
 
 
 def _argument(name: str, value: str = "") -> str:

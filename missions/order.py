@@ -55,6 +55,13 @@ class RunRequest:
         """How the robot is simulated, None when the real one moves."""
         return "wire" if self.simulate is None and self.robot is None else self.simulate
 
+    @property
+    def world_name(self) -> str:
+        """The name of what a simulated robot stands in; empty for a robot that moves."""
+        if self.simulation is None:
+            return ""
+        return self.world if isinstance(self.world, str) else DEFAULT_WORLD
+
     def robot_file(self) -> RobotConfig:
         """Read the robot's file. Raises InvalidFileError or UnknownNameError."""
         robot = load_robot(find("robots", self.robot or DEFAULT_ROBOT))

@@ -25,7 +25,7 @@ from missions.executive.executive import Result
 from missions.executive.json_lines import JsonLines
 from missions.executive.watchdog import attempt_all
 from missions.library.shipped import behaviour_files
-from missions.order import DEFAULT_WORLD, RunRequest
+from missions.order import RunRequest
 from missions.records.recording.outputs import open_private
 from missions.runner import Runner, end_process
 from missions.studio.control import ControlSocket
@@ -105,8 +105,7 @@ def run(
         if outputs.view:
             shown = _view(runner, watcher)
             runner.stream.listeners[0] = shown  # in the watcher's place
-        control = ControlSocket(runner, pictures, simulated=order.simulation or "", world=world_of(order))
-        runner.stream.listeners.append(control)
+        control = ControlSocket(runner, pictures, order)
         if outputs.announcer is not None:
             runner.stream.listeners.append(outputs.announcer)
             closing.enter_context(outputs.announcer)
@@ -143,13 +142,6 @@ def tell_unreachable(control: ControlSocket) -> None:
     """Say where a run has no control socket; it is not refused for that: its terminal, and signals, stop it."""
     if control.trouble:
         click.echo(f"mission: {control.trouble}: `mission stop` cannot reach this run", err=True)
-
-
-def world_of(order: RunRequest) -> str:
-    """Return the name of what a simulated robot stands in; empty for a robot that moves."""
-    if order.simulation is None:
-        return ""
-    return order.world if isinstance(order.world, str) else DEFAULT_WORLD
 
 
 def _view(runner: Runner, watcher: Watcher) -> "LiveView":

@@ -21,6 +21,7 @@ from typing import Literal, Self
 from behaviours.run import log
 from drivers.clock import Clock, SystemClock, time_of_day
 from missions.executive.events import Event
+from missions.order import RunRequest
 from missions.runner import Runner
 from missions.studio import sockets
 from missions.studio.audience import IDLE, Audience
@@ -48,29 +49,22 @@ OF_RUN: Mapping[str, type[Command]] = {word: kind for word, kind in COMMANDS.ite
 
 
 class ControlSocket:
-    """Serves the control socket of a ``runner`` while it is entered. Give it the run's events: it is a listener.
+    """Serves the control socket of the ``runner`` of an order while it is entered, and listens to its events.
 
     ``pictures`` is who gets the frames. What goes wrong with the socket itself is in ``trouble``: the run goes on.
     """
 
-    def __init__(
-        self,
-        runner: Runner,
-        pictures: Pictures,
-        *,
-        simulated: Literal["", "wire", "fast"] = "",
-        world: str = "",
-        clock: Clock | None = None,
-    ) -> None:
+    def __init__(self, runner: Runner, pictures: Pictures, order: RunRequest, *, clock: Clock | None = None) -> None:
         self._runner, self._pictures = runner, pictures
         self._clock = clock or SystemClock()
         self.outlet = Outlet(runner, wall=self._clock)
         robot = runner.assembled.robot
         self._wheels = Wheels(robot.base_part, robot.head_part, self._clock)
         self._doing = Doing(runner, self._wheels, self._clock)
-        of = {"simulated": simulated, "world": world}
+        simulated: Literal["", "wire", "fast"] = order.simulation or ""
+        of = {"simulated": simulated, "world": order.world_name}
         began = time_of_day().timestamp()
-        self._name = str(os.getpid())
+        self._name = sockets.new_run()
         self._of_run = Run(
             run=self._name,
             pid=os.getpid(),
@@ -89,6 +83,7 @@ class ControlSocket:
         self._thread: Thread | None = None
         self._note = ExitStack()
         self._listens_at = inf  # again, where it does not now
+        runner.stream.listeners.append(self)
 
     def __call__(self, event: Event) -> None:
         """Keep an event of the run."""
@@ -99,7 +94,8 @@ class ControlSocket:
             end.setblocking(False)
         try:
             self._listener = sockets.listen(sockets.path_of(self._name))
-            self._note.enter_context(noted(self._of_run.mission, self._of_run.robot, self._of_run.simulated))
+            if self._name == str(os.getpid()):  # one note for each process: it is of its first run
+                self._note.enter_context(noted(self._of_run.mission, self._of_run.robot, self._of_run.simulated))
         except OSError as error:
             self.trouble = f"no control socket: {error.strerror or error}"
             self._hang_up()
@@ -127,6 +123,7 @@ class ControlSocket:
 
     def _hang_up(self) -> None:
         self._note.close()
+        sockets.forget_run(self._name)
         self._selector.close()
         for end in (self._waker, self._wake_end, *([] if self._listener is None else [self._listener])):
             end.close()

@@ -45,6 +45,27 @@ def socket_folder() -> Path:
     return folder
 
 
+_here: set[str] = set()
+
+
+def new_run() -> str:
+    """Return the name of a new run of this process: its number, and for one beside others a number of its own."""
+    process = os.getpid()
+    names = (f"{process}{more}" for more in ("", *(f"-{number}" for number in range(2, 1000))))
+    _here.add(found := next(name for name in names if name not in _here))
+    return found
+
+
+def forget_run(run: str) -> None:
+    """A run of this process is over."""
+    _here.discard(run)
+
+
+def process_in(run: str) -> int:
+    """Return the number of the process that the name of a run begins with. Raises ValueError."""
+    return int(run.partition("-")[0])
+
+
 def run_of(path: Path) -> str:
     """Return the run whose socket this is."""
     return path.name.removesuffix(ENDING)
@@ -117,7 +138,7 @@ def connect(path: Path) -> socket.socket:
 def _lives(run: str) -> bool:
     """Say whether the process of a run is there: another one may have its number by now, and begin to listen."""
     try:
-        os.kill(int(run), 0)
+        os.kill(process_in(run), 0)
     except PermissionError:
         return True
     except (ProcessLookupError, ValueError, OverflowError):

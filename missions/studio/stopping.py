@@ -52,7 +52,7 @@ def _ask(
         return
     with suppress(ConnectionRefusedError, FileNotFoundError), _hung(path, about, commands, said), linked(path) as link:
         told = link.told
-        if about is None and which and run not in which and told.get("mission") not in which:
+        if about is None and which and {run, str(link.process), told.get("mission")}.isdisjoint(which):
             return
         if not told and not commands:
             raise TimeoutError("it does not answer")
@@ -78,9 +78,10 @@ def _hung(
         next_step = f"`mission stop {run}` ends it"
         if any(command["do"] == "stop" for command in commands):
             with suppress(ProcessLookupError, ValueError):
-                os.kill(int(run), signal.SIGTERM)  # which its watchdog hears, whatever hangs
+                os.kill(sockets.process_in(run), signal.SIGTERM)  # which its watchdog hears, whatever hangs
             next_step = "SIGTERM was sent, which ends it"
-        more = f"if process {run} is there still: kill -9 {run}"
+        process = run.partition("-")[0]
+        more = f"if process {process} is there still: kill -9 {process}"
         said[path] = False, f"{name}: hangs ({error}); {next_step}\n  try: {more}"
 
 

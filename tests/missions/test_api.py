@@ -1,6 +1,7 @@
 """MissionTree from Python, as ``missions`` documents it."""
 
 import doctest
+import os
 import re
 import signal
 from pathlib import Path
@@ -16,7 +17,12 @@ from behaviours.robot import Robot
 from drivers.errors import BadRequest
 from missions.executive.events import CommandSent, Ended, Event, NodeChanged, Started, Ticked
 from missions.executive.executive import Result
+from missions.studio.sockets import sockets
 from missions.testing.recorders import STOP, Bench
+from tests.missions.command import PATIENCE, command
+from tests.missions.lone_base import lone_base
+from tests.missions.studio.running import DRIVING, WAITING
+from tests.waiting import wait_until
 
 DRIVE = "mission: go\ntree:\n  drive: 2 m\n"
 
@@ -166,3 +172,59 @@ def test_a_run_off_the_main_thread_leaves_the_signals_alone(file: Path) -> None:
     thread.join(30.0)
     assert [result.result for result in found] == ["success"]
     assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.real_time
+def test_a_run_is_stopped_by_mission_stop_also_beside_another_one(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file.write_text(DRIVING)
+    other = tmp_path / "other.yaml"
+    other.write_text(WAITING)
+    found: list[Result] = []
+    with lone_base() as base:
+        ports = {"base": base.port}
+        works = [
+            lambda: missions.run(other, robot="turtlebot2", simulate="wire"),
+            lambda: missions.run(file, robot="turtlebot2", ports=ports),
+        ]
+        threads = [Thread(target=lambda work=work: found.append(work())) for work in works]
+        for number, thread in enumerate(threads, 1):
+            thread.start()
+            wait_until(lambda number=number: len(sockets()) == number)  # type: ignore[misc]
+        wait_until(lambda: base.seen().top > 0.1)
+        stopped = command(capsys, "stop", "driving")
+        assert f"{os.getpid()}: driving on turtlebot2: stopped (base" in stopped.out
+        wait_until(lambda: not base.seen().moving)
+        ended = command(capsys, "stop", "--end", str(os.getpid())).out
+        assert ended.count("is being ended") == 2
+        for thread in threads:
+            thread.join(PATIENCE)
+    assert [result.result for result in found] == ["interrupted"] * 2
+    assert sockets() == []
+
+
+def test_a_mission_ticked_by_hand_is_stopped_and_released_and_ended_by_mission_stop(
+    file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file.write_text(DRIVE)
+    with missions.load(file, robot="turtlebot2", simulate="fast") as mission:
+        base = mission.root.robot.base  # type: ignore[attr-defined]
+
+        def speed() -> float:
+            return float(base.state().value.velocity.linear)
+
+        for _ in range(20):
+            assert mission.tick() is Status.RUNNING
+        assert speed() > 0.05
+        assert "stopped (base" in command(capsys, "stop").out
+        for _ in range(20):
+            mission.tick()
+        assert speed() == 0.0
+        assert "goes on" in command(capsys, "stop", "--release", "--resume").out
+        for _ in range(20):
+            mission.tick()  # it has failed, and begins anew
+        assert speed() > 0.05
+        command(capsys, "stop", "--end")
+        assert mission.tick() is not Status.RUNNING
+    assert sockets() == []

@@ -64,8 +64,7 @@ def run_plan(
     runner = Runner(order, listeners=[watcher], plan=plan)
     watcher.watch(runner.root)
     before()
-    control = ControlSocket(runner, Pictures(), simulated=order.simulation or "")
-    runner.stream.listeners.append(control)
+    control = ControlSocket(runner, Pictures(), order)
     with watcher, control:
         tell_unreachable(control)
         return runner.run(), runner.root
