@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Mapping
-from math import cos, sin, tan
+from contextlib import suppress
+from math import cos, nan, sin
 from queue import Empty, SimpleQueue
 from threading import Thread
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from config.library import find
-from drivers.clock import SystemClock
+from drivers.clock import SystemClock, since_1970
 from drivers.errors import NotConnected
 from drivers.ros2.declared import ZenohKeys
 from missions.executive.events import Ended, Event, NodeChanged, PerceptSeen, Started, Ticked, VariableSet
@@ -24,6 +25,9 @@ STRING, DETECTIONS = "std_msgs/msg/String", "vision_msgs/msg/Detection2DArray"
 
 EVENTS, TREE, VARIABLES, SEEN = "/mission/events", "/mission/tree", "/mission/variables", "/mission/detections"
 """The topics on which a run is told."""
+
+FRAME = "camera_optical_frame"
+"""The frame of what is seen, as REP 103 has those of cameras: x right, y down, z ahead."""
 
 AGAIN = 1.0
 """Seconds after which the whole tree and the variables are told again: who has come later has missed them."""
@@ -44,7 +48,7 @@ class Announcer:
 
     def __init__(self, access: "Access", domain: int) -> None:
         self._access, self._domain = access, domain
-        self._waiting: SimpleQueue[Event | None] = SimpleQueue()
+        self._waiting: SimpleQueue[tuple[Event, int] | None] = SimpleQueue()
         self._tree: dict[str, object] = {}
         self._nodes: dict[str, dict[str, object]] = {}
         self._variables: dict[str, object] = {}
@@ -74,7 +78,7 @@ class Announcer:
     def __call__(self, event: Event) -> None:
         """Take an event; returns at once."""
         if self._waiting.qsize() < MOST_WAITING:
-            self._waiting.put(event)
+            self._waiting.put((event, since_1970()))
 
     def _run(self) -> None:
         from drivers.ros2.node import Node  # noqa: PLC0415 - an extra
@@ -107,10 +111,9 @@ class Announcer:
 
     def _take(self, node: "Node | None", patience: float) -> None:
         """Take an event, if one comes, and tell it; and now and then how all stands."""
-        try:
-            event = self._waiting.get(timeout=patience)
-        except Empty:
-            event = None
+        event, heard = None, 0
+        with suppress(Empty):
+            event, heard = self._waiting.get(timeout=patience) or (None, 0)
         if event is not None:
             self._note(event)
         if node is None:
@@ -118,7 +121,7 @@ class Announcer:
         if event is not None and not isinstance(event, Ticked):
             _say(node, EVENTS, event.as_dict())
         if isinstance(event, PerceptSeen):
-            _show(node, event)
+            _send(node, SEEN, DETECTIONS, detections(event, heard))
         now = self._clock.now()
         if now - self._told_at >= (0.1 if self._changed else AGAIN):
             self._tell_state(node)
@@ -146,39 +149,40 @@ class Announcer:
 
 
 def _say(node: "Node", topic: str, values: Mapping[str, object]) -> None:
+    _send(node, topic, STRING, {"data": json.dumps(values, default=plain)})
+
+
+def _send(node: "Node", topic: str, kind: str, values: Mapping[str, object]) -> None:
     from drivers.ros2.types import types  # noqa: PLC0415 - an extra
 
-    text = json.dumps(values, default=plain)
-    node.publisher(topic, STRING).send(types().encode(STRING, {"data": text}))
+    node.publisher(topic, kind).send(types().encode(kind, values))
 
 
-def _show(node: "Node", event: PerceptSeen) -> None:
-    """Tell what is seen: each with its direction as a pose a metre away, with the axes of the camera's body."""
-    from drivers.ros2.types import types  # noqa: PLC0415 - an extra
+def detections(event: PerceptSeen, heard: int) -> dict[str, object]:
+    """Return what a picture shows as vision_msgs has it; ``heard`` is when the event was told, in ns since 1970."""
 
-    found = [("face", each) for each in event.faces]
-    found += [("thing", each) for each in event.things or ()]
-    found += [("marker", each) for each in event.markers or ()]
-    detections = [detection(kind, each) for kind, each in found]
-    values = {"header": {"frame_id": "camera"}, "detections": detections}
-    node.publisher(SEEN, DETECTIONS).send(types().encode(DETECTIONS, values))
+    def header(stamp: float) -> Mapping[str, object]:
+        taken = heard - round(1e9 * (event.t - stamp))
+        return {"stamp": {"sec": taken // 10**9, "nanosec": taken % 10**9}, "frame_id": FRAME}
+
+    kinds: dict[str, Any] = {"face": event.faces, "thing": event.things or (), "marker": event.markers or ()}
+    found = [{"header": header(told["stamp"]), **_detection(kind, told)} for kind in kinds for told in kinds[kind]]
+    return {"header": header(event.stamp), "detections": found}
 
 
-def detection(kind: str, told: Mapping[str, object]) -> dict[str, object]:
-    """Return a percept as vision_msgs has it: its class, its score, its direction, its size."""
-    named = next((told[word] for word in ("name", "label", "colour", "kind") if isinstance(told.get(word), str)), "")
-
-    def figure(*words: str) -> float:
-        value = next((told[word] for word in words if isinstance(told.get(word), int | float)), 0.0)
-        return float(value) if isinstance(value, int | float) else 0.0
-
-    bearing, elevation, size = figure("bearing"), figure("elevation", "drop"), figure("size")
-    position = {"x": cos(bearing), "y": sin(bearing), "z": -tan(elevation)}
-    hypothesis = {"class_id": f"{kind}:{named}" if named else kind, "score": figure("score", "confidence") or 1.0}
-    box = {"center": {"position": {"x": bearing, "y": elevation}}, "size_x": size, "size_y": size}
-    pose = {"pose": {"position": position, "orientation": {"w": 1.0}}}
-    told_id = told.get("id", told.get("track", ""))
-    return {"results": [{"hypothesis": hypothesis, "pose": pose}], "bbox": box, "id": str(told_id)}
+def _detection(kind: str, told: Any) -> Mapping[str, object]:
+    """Return a percept: its class, its box in pixels, and where it is, which is not a number where that is unknown."""
+    named = told.get("name") or told.get("colour") or told.get("number", "")
+    x, y, width, height = told["box"]
+    bearing, drop, away = told["bearing"], told["drop"], nan if told["distance"] is None else told["distance"]
+    at = {"x": -away * cos(drop) * sin(bearing), "y": away * sin(drop), "z": away * cos(drop) * cos(bearing)}
+    hypothesis = {"class_id": f"{kind}:{named}" if named != "" else kind, "score": 1.0}
+    centre = {"position": {"x": x + width / 2, "y": y + height / 2}}
+    return {
+        "results": [{"hypothesis": hypothesis, "pose": {"pose": {"position": at, "orientation": {"w": 1.0}}}}],
+        "bbox": {"center": centre, "size_x": width, "size_y": height},
+        "id": str(told["id"]),
+    }
 
 
 def announcer_of(robot: str | None, router: str | None, domain: int | None = None) -> Announcer:

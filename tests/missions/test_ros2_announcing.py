@@ -5,14 +5,14 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from importlib.util import find_spec
-from math import radians
+from math import isnan, nan, radians
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
-from drivers.clock import SystemClock
+from drivers.clock import SystemClock, since_1970
 from drivers.ros2.actions import ActionServer, Goal
 from drivers.ros2.declared import ZenohKeys
 from drivers.ros2.node import Node
@@ -20,11 +20,14 @@ from drivers.ros2.session import Access, open_session
 from drivers.ros2.types import types
 from drivers.virtual.ros2 import Ros2Terminal, Served, free_address
 from missions.cli import offering
-from missions.cli.announcing import DETECTIONS, STRING, Announcer, announcer_of, detection
+from missions.cli.announcing import DETECTIONS, STRING, Announcer, announcer_of, detections
 from missions.cli.offering import RUN_MISSION, MissionServer, _params
 from missions.cli.ros2 import options_of_runs
-from missions.executive.events import Ended, Event, NodeChanged, PerceptSeen, Started, Ticked, VariableSet
+from missions.executive.events import Ended, Event, NodeChanged, Started, Ticked, VariableSet
+from missions.executive.telling import percept_of
 from missions.order import RunRequest
+from perception.api import Box, Face, Marker, Thing, View
+from perception.geometry import Pinhole
 from tests.waiting import wait_until
 
 CLIENT = Path(__file__).parent.parent / "other_programs" / "zenoh_sdk_client.py"
@@ -52,12 +55,29 @@ def node(router: Ros2Terminal) -> Iterator[Node]:
     session.close()  # type: ignore[no-untyped-call]
 
 
+CAMERA = Pinhole(640, 480, radians(60))
+
+
+def pixels_of(message: Any) -> tuple[float, float, float, float]:
+    """Where a detection is in its picture, as a program of ROS 2 reads it: its middle, width and height."""
+    box = message.bbox
+    return box.center.position.x, box.center.position.y, box.size_x, box.size_y
+
+
+def percept(box: Box, away: float) -> tuple[int, float, Box, float, float, float, float, float, float, float]:
+    """The figures of a percept in a picture that was taken at 0.2 s."""
+    bearing, drop = CAMERA.angles(*box.centre)
+    return 7, 0.2, box, bearing, drop, bearing, drop, 0.0, 0.0, away
+
+
+ANNA = Face(*percept(Box(100, 80, 60, 80), 2.0), name="Anna")
+
 RUN: tuple[Event, ...] = (
     Started(0.0, "greet", "greet.yaml", "turtlebot4", {}),
     VariableSet(0.1, 1, "", "people", 2),
     NodeChanged(0.2, 1, "1.1", "look", "look", 4, "running", "3 s to go"),
     Ticked(0.25, 1, "running"),
-    PerceptSeen(0.3, 0.2, ({"id": 7, "bearing": 0.5, "drop": -0.1, "name": "Anna"},)),
+    percept_of(View(0.2, (ANNA,)), 0.3),
     NodeChanged(0.4, 2, "1.1", "look", "look", 4, "success", ""),
     Ended(0.5, "greet", "success", "", 0.5, 2),
 )
@@ -102,7 +122,8 @@ def test_a_run_is_told_as_topics_also_to_who_comes_later(router: Ros2Terminal, n
     assert kinds == ["started", "variable", "node_changed", "percept", "node_changed", "ended"]
     (seen,) = heard["/mission/detections"][-1]["detections"]
     assert (seen["id"], seen["results"][0]["hypothesis"]["class_id"]) == ("7", "face:Anna")
-    assert seen["results"][0]["pose"]["pose"]["position"]["y"] > 0
+    assert seen["results"][0]["pose"]["pose"]["position"]["x"] < 0
+    assert 0 <= since_1970() / 1e9 - seen["header"]["stamp"]["sec"] < 60
 
 
 def test_without_a_router_a_run_goes_on_and_ends_at_once() -> None:
@@ -113,13 +134,28 @@ def test_without_a_router_a_run_goes_on_and_ends_at_once() -> None:
     announcer.close()
 
 
-def test_what_is_seen_on_the_left_and_above_is_left_and_above_for_ros() -> None:
-    told = detection("thing", {"colour": "red", "bearing": radians(30), "drop": radians(-10), "size": 0.2})
-    result = told["results"][0]  # type: ignore[index]
-    position = result["pose"]["pose"]["position"]
-    assert result["hypothesis"]["class_id"] == "thing:red"
-    assert position["y"] == pytest.approx(0.5)
-    assert position["z"] > 0.1
+def test_what_is_seen_is_a_box_in_pixels_a_place_in_the_optical_frame_and_a_time() -> None:
+    ball = Thing(*percept(Box(400, 300, 30, 20), nan), name="", colour="red", shape="ball")
+    robot = Marker(*percept(Box(310, 230, 20, 20), 1.5), number=12, name="", heading=0.1)
+    event = percept_of(View(0.25, (ANNA,), (ball,), (robot,)), 0.3)
+    told = types().decode(DETECTIONS, types().encode(DETECTIONS, detections(event, 1_700_000_000_050_000_000)))
+    assert (told.header.stamp.sec, told.header.stamp.nanosec) == (1_700_000_000, 0)
+    assert told.header.frame_id == "camera_optical_frame"
+    face, thing, marker = told.detections
+    assert (face.header.stamp.sec, face.header.stamp.nanosec) == (1_699_999_999, 950_000_000)
+    assert [each.results[0].hypothesis.class_id for each in (face, thing, marker)] == [
+        "face:Anna",
+        "thing:red",
+        "marker:12",
+    ]
+    assert [pixels_of(each) for each in (face, thing)] == [(130, 120, 60, 80), (415, 310, 30, 20)]
+    at = face.results[0].pose.pose.position
+    assert (at.x**2 + at.y**2 + at.z**2) ** 0.5 == pytest.approx(2.0)
+    # Projected as by image_pipeline's pinhole, it is the middle of its box.
+    assert 320 + CAMERA.focal * at.x / at.z == pytest.approx(130, abs=0.1)
+    assert 240 + CAMERA.focal * at.y / at.z == pytest.approx(120, abs=0.1)
+    assert isnan(thing.results[0].pose.pose.position.z)
+    assert marker.results[0].pose.pose.position.z == pytest.approx(1.5, abs=0.01)
 
 
 @pytest.mark.real_time
