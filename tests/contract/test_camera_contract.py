@@ -1,4 +1,4 @@
-"""What ``drivers.api.Camera`` promises, kept by the driver's thread over a feed, by the renderer and by the twin."""
+"""What ``drivers.api.Camera`` promises, kept by the driver over a feed and over ROS 2, by the renderer and the twin."""
 
 from collections.abc import Iterator
 from math import radians
@@ -8,13 +8,19 @@ import numpy as np
 import pytest
 
 from drivers.api import Camera, CameraFrame, Image
+from drivers.api.driver import Site
 from drivers.camera.threaded import ThreadedCamera
 from drivers.clock import Clock
 from drivers.errors import NotConnected
+from drivers.ros2.declared import Ros2CameraKeys, ZenohKeys
+from drivers.ros2.make import camera as make_camera
+from drivers.ros2.make import graph as make_graph
 from drivers.sim.rendered import RenderedCamera
 from drivers.sim.twins.camera import CameraTwin
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
+from drivers.virtual.ros2 import Ros2Terminal, Served, free_address
+from drivers.virtual.topics import VirtualPictures
 from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, real, simulated
 
 PERIOD = 0.02
@@ -92,6 +98,32 @@ class ThreadedRig(InRealTime, CameraRig):
         self.cable.plugged = True
 
 
+class TopicRig(InRealTime, CameraRig):
+    """Its pictures come by ROS 2, from behind a router on loopback."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.robot = Ros2Terminal(Served(0, "", free_address()), self.clock)
+        self.robot.devices.append(VirtualPictures(picture, "/image", rate=1 / PERIOD))
+        self.robot.open()
+        self.nodes = make_graph(ZenohKeys(router=self.robot.path, domain=0), Site(self.clock))
+        self.nodes.open()
+        self.until(lambda: self.nodes.offers("/image"))
+        site = Site(self.clock, report=self.notices.append, parts={"ros2": self.nodes})
+        self.device = make_camera(Ros2CameraKeys(image="/image", field_of_view=FIELD_OF_VIEW), site)
+
+    def unplug(self) -> None:
+        self.robot.unplug()
+
+    def plug_in(self) -> None:
+        self.robot.replug()
+
+    def close(self) -> None:
+        super().close()
+        self.nodes.close()
+        self.robot.close()
+
+
 class RenderedRig(InRealTime, CameraRig):
     def __init__(self) -> None:
         super().__init__()
@@ -121,14 +153,17 @@ class TwinRig(InSimulatedTime, CameraRig):
         self.twin.plug.plug_in()
 
 
-@pytest.fixture(params=[real(ThreadedRig, "threaded"), real(RenderedRig, "rendered"), simulated(TwinRig, "twin")])
+THREADED, TOPIC, TWIN = real(ThreadedRig, "threaded"), real(TopicRig, "ros2"), simulated(TwinRig, "twin")
+
+
+@pytest.fixture(params=[THREADED, TOPIC, real(RenderedRig, "rendered"), TWIN])
 def camera(request: pytest.FixtureRequest) -> Iterator[CameraRig]:
     rig: CameraRig = request.param()
     yield rig
     rig.close()
 
 
-@pytest.fixture(params=[real(ThreadedRig, "threaded"), simulated(TwinRig, "twin")])
+@pytest.fixture(params=[THREADED, TOPIC, TWIN])
 def plugged(request: pytest.FixtureRequest) -> Iterator[CameraRig]:
     """A camera with a plug, which is open and shows something."""
     rig: CameraRig = request.param()
