@@ -141,6 +141,7 @@ CAMERA = Driver(
     "A camera whose pictures come by ROS 2.",
     Ros2CameraKeys,
     make="drivers.ros2.make:camera",
+    virtual="drivers.virtual.ros2:camera",
     needs=("ros2",),
     extra="ros2",
 )

@@ -9,6 +9,7 @@ from drivers.clock import Clock
 from drivers.sim.battery import Battery
 from drivers.sim.body import Body
 from drivers.sim.rigid.scene import Scene
+from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.wheels import Wheels
 from drivers.sim.world import World
 
@@ -28,7 +29,8 @@ class Physics:
 class Stage:
     """Where a twin or a virtual device is made.
 
-    Without a ``world`` there is open floor, and nobody. ``pose`` tells where the base truly is at a time. ``parts`` are
+    Without a ``world`` there is open floor, and nobody. ``pose`` tells where the base truly is at a time, ``viewpoint``
+    where the camera is and looks, whose pictures have ``noise``, in grey levels. ``parts`` are
     the twins, or the ``drivers.virtual.plugged.Plugged`` devices, that are made already, by name, and ``keys`` what the
     robot file says of each of its parts. ``part`` is the name of the one that is made. ``listen`` is the
     address at which a robot of ROS 2 is to be found; empty for any that is free.
@@ -48,6 +50,8 @@ class Stage:
     part: str = ""
     listen: str = ""
     scene: Scene | None = None
+    viewpoint: Callable[[float], Viewpoint] = lambda _: Viewpoint()
+    noise: float = 0.0
 
     def wheels(self) -> Wheels:
         """Return wheels that err as they do here, at the place where the robot starts."""

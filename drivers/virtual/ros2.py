@@ -9,17 +9,27 @@ from typing import Any, TypeVar
 from drivers.api import HeadPose
 from drivers.clock import Clock
 from drivers.ros2 import wire
-from drivers.ros2.declared import Ros2ArmKeys, Ros2AxisKeys, Ros2BaseKeys, Ros2HeadKeys, Ros2RangeKeys, ZenohKeys
+from drivers.ros2.declared import (
+    Ros2ArmKeys,
+    Ros2AxisKeys,
+    Ros2BaseKeys,
+    Ros2CameraKeys,
+    Ros2HeadKeys,
+    Ros2RangeKeys,
+    ZenohKeys,
+)
 from drivers.ros2.make import domain_of, joints_of_arm, joints_of_head, topics_of
 from drivers.ros2.node import Node, Publisher
 from drivers.ros2.session import Access, open_session
+from drivers.sim.render import Renderer
 from drivers.sim.scanner import looking
 from drivers.sim.stage import Stage
+from drivers.sim.viewpoint import Pinhole
 from drivers.sim.world import World
 from drivers.virtual.navigation import VirtualFrames, VirtualNav2
 from drivers.virtual.plugged import Plugged
 from drivers.virtual.topic_joints import VirtualJoints
-from drivers.virtual.topics import Topics, VirtualBase, VirtualScan
+from drivers.virtual.topics import Topics, VirtualBase, VirtualPictures, VirtualScan
 
 T = TypeVar("T")
 
@@ -153,6 +163,15 @@ def ranger(keys: Ros2RangeKeys, stage: Stage) -> Plugged:
     world = World() if stage.world is None else stage.world
     look = looking(world, keys.place, stage.pose, height=keys.position[2])
     device = VirtualScan(look, _full(stage)(keys.scan), yaw=keys.yaw, seed=stage.seed)
+    _terminal(stage).devices.append(device)
+    return Plugged(None)
+
+
+def camera(keys: Ros2CameraKeys, stage: Stage) -> Plugged:
+    """Return a virtual camera, which sees the world from where it truly is."""
+    lens = Pinhole(keys.width, keys.height, keys.field_of_view)
+    renderer = Renderer(stage.world or World(), lens, noise=stage.noise, seed=stage.seed)
+    device = VirtualPictures(lambda now: renderer.draw(stage.viewpoint(now), now), _full(stage)(keys.image))
     _terminal(stage).devices.append(device)
     return Plugged(None)
 

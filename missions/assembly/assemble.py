@@ -51,8 +51,9 @@ class Place:
         if wishes.world is not None:
             for part in sorted((chosen & self.config.sections.keys()).difference(BY_HAND, wishes.ports)):
                 made_by(self.config.sections[part].driver.virtual, self.config.sections[part], "virtual device")
+            wired = chosen.difference(BY_HAND)
             self.simulation = found = resolved("missions.assembly.simulation:Simulation")(
-                self.config, chosen, self.clock, world=wishes.world, answered=self.audience.answered, seed=wishes.seed
+                self.config, wired, self.clock, world=wishes.world, answered=self.audience.answered, seed=wishes.seed
             )
             self._ports = {**found.ports, **wishes.ports}
 

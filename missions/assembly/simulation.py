@@ -64,6 +64,8 @@ class Simulation:
             physics=build_physics(PhysicsConfig() if world is None else world.physics),
             seed=seed,
             listen=listen,
+            viewpoint=self.viewpoint,
+            noise=NOISE if world is None else world.noise,
             parts=self.parts,
             keys={kind: section.keys for kind, section in robot.sections.items()},
         )

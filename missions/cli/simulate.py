@@ -11,7 +11,6 @@ import click
 
 from config.library import find
 from config.world import load_world
-from drivers.api.kinds import WIRED
 from drivers.clock import SystemClock
 from drivers.virtual.dynamixel import VirtualServoBus
 from missions.assembly.simulation import Simulation
@@ -76,7 +75,7 @@ def command(robot: str | None, period: float | None, world: str | None, listen: 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda got, _: ending.append(got))
     signal.signal(signal.SIGTTIN, signal.SIG_IGN)  # in the background, nothing can be typed; that is no reason to stop
-    simulation = Simulation(config, frozenset(WIRED) & config.parts, clock, world=around, listen=listen or "")
+    simulation = Simulation(config, config.parts, clock, world=around, listen=listen or "")
     servos = simulation.device(VirtualServoBus)
     if servos is not None:
         servos.paced = paced

@@ -5,16 +5,18 @@ import json
 from collections.abc import Callable, Iterator
 from math import pi
 from pathlib import Path
+from signal import SIGTERM
 
 import pytest
 
 from drivers.clock import SystemClock
 from drivers.ros2.types import types
 from drivers.ros2.wire import entity
+from drivers.virtual.ros2 import free_address
 from missions.assembly.simulation import Simulation
 from missions.cli.place import placed
 from missions.library.drivers import load_robot
-from tests.missions.command import Outcome, command
+from tests.missions.command import Outcome, Process, command
 
 Mission = Callable[..., Outcome]
 
@@ -25,6 +27,18 @@ tree:
   sequence:
     - navigate: kitchen
     - go_to: {x: 0.2 m, y: 0 m}
+"""
+
+
+WAVING = """robot: waving
+ros2: {router: ROUTER}
+base: {driver: ros2, battery: battery_state, hazards: hazard_detection}
+head: {driver: ros2, speed: 120 deg/s, acceleration: 400 deg/s^2, pan: {joint: pan}, tilt: {joint: tilt}}
+camera: {driver: ros2, width: 320, height: 240, field_of_view: 60 deg, position: [0.05 m, 0 m, 1.1 m]}
+voice: {driver: print}
+arm:
+  driver: ros2
+  joints: {shoulder_lift: {}, shoulder_pan: {}, elbow: {}, upper_roll: {}, wrist_bend: {}, gripper: {}}
 """
 
 
@@ -58,6 +72,20 @@ def test_topics_nodes_messages_and_places_of_a_robot_are_shown_without_ros(missi
     unknown = mission("ros2", "echo", "/nobody", *at)
     assert (unknown.code, "nobody sends /nobody" in unknown.err) == (3, True)
     assert mission("place", "add", "kitchen", *at).out.startswith("kitchen: 0.00 m, 0.00 m, 0 deg")
+
+
+@pytest.mark.real_time
+def test_a_robot_that_another_process_serves_by_ros_2_sees_somebody_and_greets(mission: Mission) -> None:
+    router = free_address()
+    Path("waving.yaml").write_text(WAVING.replace("ROUTER", router))
+    beside = Process(
+        "simulate", "--ros2", router, "--robot", "waving.yaml", "--world", "living_room", folder=Path.cwd()
+    )
+    beside.wait_for_line(lambda line: router in line)
+    told = mission("run", "greet", "--robot", "waving.yaml", "--no-record")
+    assert told.code == 0, told.err
+    assert "robot: Hello!" in told.out + told.err
+    assert beside.end(SIGTERM) == 0
 
 
 @pytest.mark.real_time
