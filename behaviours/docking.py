@@ -2,19 +2,25 @@
 
 from py_trees.common import Status
 
-from behaviours.driving.motion import Motion, Way, obstacle
+from behaviours.driving.entrusting import Entrusting
+from behaviours.driving.motion import Way, obstacle
 from behaviours.homing import Homing, Stage, step
 from behaviours.leaf import SUCCESS, argument
-from drivers.api import BaseState, Pose2D, Steering
+from drivers.api import BaseState, Pose2D, Ros2, Steering
 
 SETTLED = 0.4
 """Seconds on the contacts after which it is sure of them: twenty reports of a Kobuki."""
 
 
-class Dock(Motion):
-    """Drive the base onto its dock, by the dock's infrared beams.
+ACTION = "dock"
+"""What a Create 3 offers for it."""
 
-    Running until the base stands on the contacts, then succeeds; at once, if it does so already. The dock must be
+
+class Dock(Entrusting):
+    """Drive the base onto its dock, by the dock's infrared beams, or by the robot's own action.
+
+    Running until the base stands on the contacts, then succeeds; at once, if it does so already. A robot of ROS 2 that
+    offers `dock`, as a Create 3 does, goes there by that, and it ends as that does. For others, the dock must be
     within hearing: some two metres, and not behind anything. Fails when it hears no dock in a full turn, when it has
     missed the contacts three times, when something is in its way, at a cliff, when a wheel drops, and while the base is
     stopped until somebody enables it. While somebody steers the base by hand it waits, then looks for the dock anew.
@@ -30,6 +36,16 @@ class Dock(Motion):
     def initialise(self) -> None:
         super().initialise()
         self._homing = self._docked_since = None
+
+    def entrust(self, nodes: Ros2) -> int | None:
+        state = self.state()
+        if (state is not None and state.docked) or not nodes.offers(ACTION):
+            return None
+        return nodes.begin(ACTION, "irobot_create_msgs/action/Dock", "{}")
+
+    def watch(self, state: BaseState) -> str:
+        self.result = state.battery_percent
+        return "it docks by itself"
 
     def trouble(self, state: BaseState, steering: Steering) -> str:
         stage = None if self._homing is None else self._homing.stage

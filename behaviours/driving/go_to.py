@@ -4,10 +4,11 @@ import math
 
 from py_trees.common import Status
 
+from behaviours.driving.entrusting import Entrusting
 from behaviours.driving.motion import CRAWL, Way
 from behaviours.driving.spin import Spin
 from behaviours.leaf import SUCCESS, argument
-from drivers.api import BaseState, GoalState, Length, Pose2D, Velocity
+from drivers.api import BaseState, Length, Pose2D, Ros2, Velocity
 from drivers.api.ros2 import START
 
 TURN_SPEED = math.radians(60)
@@ -23,7 +24,7 @@ TRIES = 3
 """How often it drives up to the place, should it miss it."""
 
 
-class GoTo(Spin):
+class GoTo(Entrusting, Spin):
     """Drive to a place in a straight line, by odometry, and turn to a heading there.
 
     Running until it stands there, then succeeds. A robot of ROS 2 that has Nav2 drives there by that, around what is
@@ -34,8 +35,6 @@ class GoTo(Spin):
     """
 
     word = "go_to"
-    uses = frozenset({"ros2"})
-    halt_limit = 3.0
     stores = "how far from the place it stands, by odometry (m)"
     keeps = Length
     x: float = argument("length", "metres ahead of where the base started: what `base.x` will be")
@@ -50,7 +49,6 @@ class GoTo(Spin):
     _facing: float | None = None  # the heading to turn to, among those that are the same the nearest
     _side = 1.0  # to which it turns
     _tries = 0
-    _goal: int | None = None  # of Nav2
 
     @property
     def way(self) -> Way:
@@ -58,35 +56,19 @@ class GoTo(Spin):
 
     def initialise(self) -> None:
         super().initialise()
-        self._goal = None
-        nodes = self.robot.ros2_part
-        if nodes is not None and nodes.navigates():
-            state = self.state()
-            heading = self.heading
-            if heading is None and state is not None:
-                heading = math.atan2(self.y - state.pose.y, self.x - state.pose.x)
-            self._goal = nodes.navigate(((self.x, self.y, heading or 0.0),), START)
         self._there, self._turns, self._facing, self._tries = False, True, None, 0
 
-    def update(self) -> Status:
-        if self._goal is None:
-            return super().update()
-        state, progress = self.state(), self.robot.ros2.progress(self._goal)
-        if state is not None:
-            self.result = math.hypot(self.x - state.pose.x, self.y - state.pose.y)
-        if progress.over:
-            self.robot.base.stop()
-            done = progress.state is GoalState.SUCCEEDED
-            return SUCCESS if done else self.fail(progress.reason or f"Nav2: {progress.state}")
-        return self.wait("Nav2 drives" if state is None else f"{self.result:.2f} m to go, by Nav2")
+    def entrust(self, nodes: Ros2) -> int | None:
+        if not nodes.navigates():
+            return None
+        state, heading = self.state(), self.heading
+        if heading is None and state is not None:
+            heading = math.atan2(self.y - state.pose.y, self.x - state.pose.x)
+        return nodes.navigate(((self.x, self.y, heading or 0.0),), START)
 
-    def terminate(self, new_status: Status) -> None:
-        if self._goal is not None and new_status is not SUCCESS:
-            self.robot.ros2.cancel(self._goal)
-        super().terminate(new_status)
-
-    def halting(self) -> bool:
-        return self._goal is not None and not self.robot.ros2.progress(self._goal).over
+    def watch(self, state: BaseState) -> str:
+        self.result = math.hypot(self.x - state.pose.x, self.y - state.pose.y)
+        return f"{self.result:.2f} m to go, by Nav2"
 
     def resume(self, state: BaseState) -> None:
         super().resume(state)

@@ -150,7 +150,8 @@ def base(keys: Ros2BaseKeys, stage: Stage) -> Plugged:
     terminal = _terminal(stage)
     nodes: ZenohKeys = stage.keys["ros2"]
     terminal.devices += [device, VirtualFrames(device, "/tf")]
-    terminal.serving.append(VirtualNav2(device, (full(nodes.navigation), full(nodes.through))).serve)
+    names = full(nodes.navigation), full(nodes.through), full("dock")
+    terminal.serving.append(VirtualNav2(device, names, None if stage.world is None else stage.world.dock).serve)
 
     def state(now: float) -> object:
         return asdict(device.pose(now)) | asdict(device.body.velocity)

@@ -9,7 +9,18 @@ import pytest
 from behaviours.docking import Dock
 from behaviours.homing import BACK, FULL_TURN, HOLD, LOST, SLOW, SWEEP, TRIES, Homing, Stage, step
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
-from drivers.api import BaseState, DockBeam, DockSignals, Pose2D, Sides, Source, Steering, Velocity
+from drivers.api import (
+    BaseState,
+    DockBeam,
+    DockSignals,
+    GoalState,
+    Pose2D,
+    Progress,
+    Sides,
+    Source,
+    Steering,
+    Velocity,
+)
 from missions.testing.recorders import STOP, Bench, good
 
 STILL = Velocity(0.0, 0.0)
@@ -169,6 +180,50 @@ def test_on_the_dock_it_stops_and_succeeds_once_it_is_sure() -> None:
     assert bench.tick(leaf, after=0.15) is SUCCESS
     assert bench.base.commands == [STOP]
     assert bench.run.variables["charge"] == 64.0
+
+
+def test_a_robot_that_docks_by_itself_is_asked_to_and_no_longer_homed() -> None:
+    bench = Bench()
+    bench.ros2.nav2 = True
+    leaf = bench.put(Dock("dock"))
+    bench.base.reading = good(at(battery_percent=64.0))
+    assert bench.tick(leaf) is RUNNING
+    assert bench.ros2.commands == [("begin", "dock", "irobot_create_msgs/action/Dock", "{}")]
+    assert bench.base.commands == []
+    bench.ros2.comes = Progress(GoalState.SUCCEEDED)
+    assert bench.tick(leaf) is SUCCESS
+    assert (leaf.result, bench.base.commands) == (64.0, [STOP])
+
+
+def test_where_it_does_not_dock_it_fails_with_its_reason() -> None:
+    bench = Bench()
+    bench.ros2.nav2 = True
+    leaf = bench.put(Dock("dock"))
+    bench.tick(leaf)
+    bench.ros2.comes = Progress(GoalState.FAILED, "/dock: it was aborted")
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "/dock: it was aborted"
+
+
+def test_halted_while_it_docks_by_itself_it_cancels_that_and_waits_for_its_end() -> None:
+    bench = Bench()
+    bench.ros2.nav2 = True
+    leaf = bench.put(Dock("dock"))
+    bench.tick(leaf)
+    assert not bench.halt(leaf)
+    assert bench.ros2.commands[-1] == ("cancel", 1)
+    bench.ros2.comes = Progress(GoalState.CANCELLED)
+    assert bench.halt(leaf)
+    assert bench.base.commands[-1] == STOP
+
+
+def test_on_the_dock_it_asks_for_nothing() -> None:
+    bench = Bench()
+    bench.ros2.nav2 = True
+    leaf = bench.put(Dock("dock"))
+    bench.base.reading = good(at(docked=True))
+    bench.tick(leaf)
+    assert bench.ros2.commands == []
 
 
 def test_contacts_that_meet_for_a_moment_only_are_not_enough() -> None:

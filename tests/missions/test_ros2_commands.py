@@ -89,6 +89,19 @@ def test_a_robot_that_another_process_serves_by_ros_2_sees_somebody_and_greets(m
 
 
 @pytest.mark.real_time
+def test_it_docks_by_the_action_of_the_robot_which_is_rejected_without_a_dock_and_cancelled_in_time(
+    mission: Mission,
+) -> None:
+    dock = ("run", "dock", "--robot", "turtlebot4", "--simulate", "wire", "--no-record", "--world")
+    docked = mission(*dock, "square_arena")
+    assert (docked.code, "info: The battery holds" in docked.out) == (0, True)
+    rejected = mission(*dock, "empty")
+    assert (rejected.code, "/dock: the goal was rejected" in rejected.out) == (1, True)
+    ended = mission(*dock, "square_arena", "--param", "patience=1 s")
+    assert (ended.code, "timed out after 1 s" in ended.out) == (1, True)
+
+
+@pytest.mark.real_time
 def test_a_capture_holds_tokens_and_messages_and_no_name_of_a_session(mission: Mission, router: str) -> None:
     assert mission("ros2", "capture", "robot.jsonl", "--seconds", "0.5", "--router", router).code == 0
     lines = [json.loads(line) for line in Path("robot.jsonl").read_text().splitlines()]

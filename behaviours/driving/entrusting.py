@@ -1,0 +1,52 @@
+"""Motions that nodes of ROS 2 do where the robot has some that can: begun, watched, cancelled, and waited for."""
+
+from abc import abstractmethod
+
+from py_trees.common import Status
+
+from behaviours.driving.motion import Motion
+from behaviours.leaf import SUCCESS
+from drivers.api import BaseState, GoalState, Ros2
+
+
+class Entrusting(Motion):
+    """A motion that ends as the action that ``entrust`` has begun; without one, by itself.
+
+    Halted, it cancels that and waits for its end.
+    """
+
+    uses = frozenset({"ros2"})
+    halt_limit = 3.0
+    _goal: int | None = None
+
+    def initialise(self) -> None:
+        super().initialise()
+        self._goal = None
+        if self.robot.ros2_part is not None:
+            self._goal = self.entrust(self.robot.ros2_part)
+
+    @abstractmethod
+    def entrust(self, nodes: Ros2) -> int | None:
+        """Begin an action, where ``nodes`` offer it; return its number."""
+
+    @abstractmethod
+    def watch(self, state: BaseState) -> str:
+        """Keep what it has come to; say what is done."""
+
+    def update(self) -> Status:
+        if self._goal is None:
+            return super().update()
+        state, progress = self.state(), self.robot.ros2.progress(self._goal)
+        doing = "waiting for the base to report" if state is None else self.watch(state)
+        if not progress.over:
+            return self.wait(doing)
+        self.robot.base.stop()
+        return SUCCESS if progress.state is GoalState.SUCCEEDED else self.fail(progress.reason or str(progress.state))
+
+    def terminate(self, new_status: Status) -> None:
+        if self._goal is not None and new_status is not SUCCESS:
+            self.robot.ros2.cancel(self._goal)
+        super().terminate(new_status)
+
+    def halting(self) -> bool:
+        return self._goal is not None and not self.robot.ros2.progress(self._goal).over
