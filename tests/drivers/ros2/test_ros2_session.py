@@ -1,6 +1,7 @@
 """A robot of ROS 2 behind a router of Zenoh on loopback: found, driven, lost with its router, and found again."""
 
 from collections.abc import Iterator, Mapping
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from drivers.ros2.types import types
 from drivers.sim.body import Body
 from drivers.sim.scanner import looking
 from drivers.sim.world import World
+from drivers.virtual.navigation import VirtualNav2
 from drivers.virtual.ros2 import Ros2Terminal, Served, free_address
 from drivers.virtual.topics import VirtualBase, VirtualPictures, VirtualScan
 from tests.waiting import wait_until
@@ -30,9 +32,11 @@ pytestmark = pytest.mark.real_time
 
 
 class Robot:
-    """A virtual robot behind its router, and the real drivers of it."""
+    """A virtual robot behind its router, and the real drivers of it, which go by ``router`` where one is named."""
 
-    def __init__(self, namespace: str = "/tb4") -> None:
+    def __init__(
+        self, namespace: str = "/tb4", *, router: str = "", mode: Literal["client", "peer"] = "client"
+    ) -> None:
         self.clock = SystemClock()
         self.told: list[DeviceStatus] = []
         topics = {"cmd_vel": f"{namespace}/cmd_vel", "odom": f"{namespace}/odom"}
@@ -40,7 +44,9 @@ class Robot:
         look = looking(World(), (0.0, 0.0, 0.0), self.virtual.pose)
         self.terminal = Ros2Terminal(Served(0, namespace, free_address()), self.clock)
         self.terminal.devices += [self.virtual, VirtualScan(look, f"{namespace}/scan")]
-        keys = ZenohKeys(router=self.terminal.path, namespace=namespace, domain=0)
+        actions = (f"{namespace}/navigate_to_pose", f"{namespace}/navigate_through_poses", f"{namespace}/dock")
+        self.terminal.serving.append(VirtualNav2(self.virtual, actions).serve)
+        keys = ZenohKeys(router=router or self.terminal.path, namespace=namespace, domain=0, mode=mode)
         self.graph: Ros2Graph = make_graph(keys, self._site())
         parts = {"ros2": self.graph}
         self.base: Ros2Base = make_base(Ros2BaseKeys(), self._site(parts))
