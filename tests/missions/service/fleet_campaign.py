@@ -87,6 +87,7 @@ class Robot:
     process: Forked | None = None
     back_at: float = 0.0
     mended_at: float = 0.0
+    changed_at: float = 0.0
 
     def start(self) -> None:
         words = (str(self.folder), self.name, str(self.proxy.port))
@@ -120,6 +121,8 @@ class Figures:
     list_delays: list[float] = field(default_factory=list)
     stop_delays: list[float] = field(default_factory=list)
     unstopped: int = 0
+    struck_delays: list[float] = field(default_factory=list)
+    struck_unstopped: int = 0
     processor: float = 0.0
     waiting: list[str] = field(default_factory=list)
 
@@ -127,7 +130,7 @@ class Figures:
         """Return the figures, as lines."""
         again = sum(count - 1 for count in self.acts.values())
         forbidden = sum(self.acts[each] > 1 for each in self.once_only)
-        lists, stops = sorted(self.list_delays), sorted(self.stop_delays)
+        lists, stops, struck = sorted(self.list_delays), sorted(self.stop_delays), sorted(self.struck_delays)
         lines = [
             f"{self.robots} robots, {self.tasks} tasks in {self.seconds:.1f} s; {self.kills} kill -9, {self.cuts} cuts",
             f"ended as {dict(self.states)}; lost {len(self.waiting)}",
@@ -135,9 +138,15 @@ class Figures:
             f"acts beyond one {again}",
             f"list correct after: median {_share(lists, 0.5):.3f}, 99 % {_share(lists, 0.99):.3f} of {len(lists)}",
             f"stop confirmed after: median {_share(stops, 0.5):.3f}, 99 % {_share(stops, 0.99):.3f} of {len(stops)}",
+            f"among kills and cuts: median {_share(struck, 0.5):.3f}, 99 % {_share(struck, 0.99):.3f} of {len(struck)}",
+            f"not confirmed, of those connected for {SETTLED:g} s: {self.struck_unstopped}",
             f"stop not confirmed: {self.unstopped}; processor of an idle robot: {self.processor:.2%} of a core",
         ]
         return "\n".join(lines)
+
+
+SETTLED = 2.0
+"""Seconds since it was last struck, or came back, after which a robot counts as connected: so long a list may lag."""
 
 
 def _share(values: list[float], share: float) -> float:
@@ -158,6 +167,9 @@ class Campaign:
             closed.callback(self.robots[-1].kill)
         fleet = FleetKeys(fleet="campaign", mode="client", connect=(f"tcp/127.0.0.1:{port}",))
         self.operator: Operator = closed.enter_context(operating(fleet))
+        self.stopper: Operator = closed.enter_context(operating(fleet))
+        self.stopping: Thread | None = None
+        closed.callback(self._join)
         self.figures = Figures(robots, 0)
 
     def begin(self) -> None:
@@ -208,10 +220,10 @@ class Campaign:
 
     given: list[str]
 
-    def strike(self, kills: int, cuts: int) -> None:
-        """Plan what strikes, over the time that the tasks take."""
+    def strike(self, kills: int, cuts: int, stops: int = 0) -> None:
+        """Plan what strikes, over the time that the tasks take, and how often another stops all meanwhile."""
         self.given = []
-        self.planned = ["kill"] * kills + ["cut"] * cuts
+        self.planned = ["kill"] * kills + ["cut"] * cuts + ["stop"] * stops
         self.chance.shuffle(self.planned)
         self.next_at = self.clock.now() + 0.5
 
@@ -223,16 +235,24 @@ class Campaign:
         for robot in self.robots:
             if robot.process is None and now >= robot.back_at:
                 robot.start()
+                robot.changed_at = now
             if robot.proxy.cut.is_set() and now >= robot.mended_at:
                 robot.proxy.cut.clear()
+                robot.changed_at = now
         if not self.planned or now < self.next_at:
             return
         self.next_at = now + self.every
         whole = [each for each in self.robots if each.process is not None and not each.proxy.cut.is_set()]
         if len(whole) < 2:
             return
-        robot = self.chance.choice(whole)
-        if self.planned.pop() == "kill":
+        robot, what = self.chance.choice(whole), self.planned.pop()
+        if what == "stop":
+            self._join()
+            self.stopping = Thread(target=self._stop_among_strikes, name="another operator")
+            self.stopping.start()
+            return
+        robot.changed_at = now
+        if what == "kill":
             robot.kill()
             robot.back_at = now + self.chance.uniform(0.0, 3.0)
             self.figures.kills += 1
@@ -249,6 +269,8 @@ class Campaign:
             whole = all(each.process is not None and not each.proxy.cut.is_set() for each in self.robots)
             if not self.planned and whole and self.open() == 0 and not self.untold():
                 break
+            if not self.planned and any(each.state and each.state.stopped for each in self.operator.members().values()):
+                self.operator.release([], resume=True)  # who was away when all were released
             self.pause.wait(0.1)
         self.figures.seconds = self.clock.now()
         for robot in self.robots:
@@ -315,11 +337,25 @@ class Campaign:
             self.figures.list_delays.append(self.until(lambda a=address: a not in self.online(), 30.0))
             robot.proxy.cut.clear()
             self.figures.list_delays.append(self.until(lambda a=address: a in self.online(), 30.0))
-            self._stop()
+            there, heard = self._stop(self.operator)
+            self.figures.stop_delays += [heard[each] for each in there if each in heard]
+            self.figures.unstopped += len(there - heard.keys())
 
-    def _stop(self) -> None:
-        there, begun, at = self.online(), self.clock.now(), {}
-        ask = self.operator.line.ask
+    def _join(self) -> None:
+        if self.stopping is not None:
+            self.stopping.join()
+
+    def _stop_among_strikes(self) -> None:
+        begun = self.clock.now()
+        there, at = self._stop(self.stopper)
+        there &= {each.address for each in self.robots if each.changed_at < begun - SETTLED}
+        self.figures.struck_delays += [at[each] for each in there if each in at]
+        self.figures.struck_unstopped += len(there - at.keys())
+
+    def _stop(self, operator: Operator) -> tuple[set[Address], dict[Address, float]]:
+        """Stop and release all; return who was there, and after how long each has confirmed it."""
+        there, begun, at = self.online(), self.clock.now(), dict[Address, float]()
+        ask = operator.line.ask
 
         def timed(wanted, where, on_answer, timeout):  # type: ignore[no-untyped-def]
             def heard(who, answer):  # type: ignore[no-untyped-def]
@@ -329,12 +365,11 @@ class Campaign:
 
             ask(wanted, where, heard, timeout)
 
-        object.__setattr__(self.operator.line, "ask", timed)
-        self.operator.stop()
-        object.__setattr__(self.operator.line, "ask", ask)
-        self.figures.stop_delays += [at[each] for each in there if each in at]
-        self.figures.unstopped += len(there - at.keys())
-        self.operator.release([], resume=True)
+        object.__setattr__(operator.line, "ask", timed)
+        operator.stop()
+        object.__setattr__(operator.line, "ask", ask)
+        operator.release([], resume=True)
+        return there, at
 
     def _spent(self) -> float:
         """Return the processor time of all robots, in seconds."""
@@ -362,7 +397,7 @@ def main(robots: int, tasks: int, kills: int, cuts: int, rounds: int) -> None:
     with tempfile.TemporaryDirectory() as folder, campaign(Path(folder), robots) as fleet:
         fleet.begin()
         fleet.measure(rounds)
-        fleet.strike(kills, cuts)
+        fleet.strike(kills, cuts, rounds)
         fleet.give(tasks)
         fleet.finish(600.0)
         print(fleet.figures.told())  # noqa: T201

@@ -1,20 +1,24 @@
 """A small campaign: robots are killed and cut off at random while they do tasks; `make fleet` is the large one."""
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
+from missions.service.fleet.operator import Operator
+from missions.service.fleet.words import Address, Keep
 from tests.missions.service.fleet_campaign import campaign
+from tests.waiting import wait_until
 
 pytestmark = pytest.mark.real_time
 
-ROBOTS, TASKS, KILLS, CUTS = 4, 24, 6, 4
+ROBOTS, TASKS, KILLS, CUTS, STOPS = 4, 24, 6, 4, 2
 
 
 def test_robots_that_are_killed_and_cut_off_lose_no_task_and_do_none_twice_that_may_not_be(tmp_path: Path) -> None:
     with campaign(tmp_path, ROBOTS) as fleet:
         fleet.begin()
-        fleet.strike(KILLS, CUTS)
+        fleet.strike(KILLS, CUTS, STOPS)
         fleet.give(TASKS)
         fleet.finish(120.0)
     figures = fleet.figures
@@ -24,3 +28,29 @@ def test_robots_that_are_killed_and_cut_off_lose_no_task_and_do_none_twice_that_
     assert [each for each in figures.once_only if figures.acts[each] > 1] == []
     assert set(figures.twice) & figures.once_only == set()
     assert figures.untold == [], "what two robots have done is told"
+    assert figures.struck_unstopped == 0, "who is connected stands, whatever befalls the others"
+
+
+def test_two_operators_at_once_who_give_the_same_tasks_stop_and_release_all_confuse_nobody(tmp_path: Path) -> None:
+    with campaign(tmp_path, 2) as fleet, ThreadPoolExecutor(2) as both:
+        fleet.begin()
+        fleet.strike(0, 0)
+        operators = fleet.operator, fleet.stopper
+        keepers = sorted(fleet.online())
+        wait_until(lambda: fleet.online() == {a for a, each in fleet.stopper.members().items() if each.online})
+        fleet.given = [f"{keepers[number % 2]}/{number:012x}" for number in range(8)]
+
+        def give(operator: Operator) -> bool:
+            wanted = [Keep(task=each, mission="note", params={"id": each}) for each in fleet.given]
+            return all(operator.give(each, Address.read(each.task.rpartition("/")[0])).ok for each in wanted)
+
+        assert list(both.map(give, operators)) == [True, True]
+        for answers, silent in both.map(Operator.stop, operators):
+            assert (set(answers), silent) == (set(keepers), [])
+            assert all(answer.ok for answer in answers.values())
+        wait_until(lambda: all(each.state and each.state.stops == 2 for each in fleet.operator.members().values()))
+        list(both.map(lambda each: each.release([], resume=True), operators))
+        fleet.finish(60.0)
+    figures = fleet.figures
+    assert (figures.waiting, figures.twice) == ([], [])
+    assert figures.acts == dict.fromkeys(fleet.given, 1)
