@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 from itertools import pairwise
+from math import inf
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -15,7 +16,8 @@ from drivers.clock import SystemClock
 from missions.executive.events import Ended, VariableSet
 from missions.executive.telling import percept_of
 from missions.records.recording.codec import from_json
-from missions.records.recording.faults import InvalidRecordError, message_in, understanding
+from missions.records.recording.faults import MAX_TIME, InvalidRecordError, understanding
+from missions.records.recording.items import EVENTS
 from missions.records.recording.read import Record, began_at, open_record
 from missions.records.replay.frames import SAME
 from missions.records.report.page import page
@@ -29,11 +31,18 @@ from missions.studio.ring import records_folder, records_in
 from missions.studio.wishes import Moment
 from missions.views.pictures.tree_json import to_json
 from missions.views.words import in_words
+from perception.api import View
 
 Json = dict[str, object]
 
-BUDGET = 1.0
+BUDGET = 0.25
 """Seconds of work on one piece of a record; what comes behind it is in the next."""
+
+TOLD = frozenset({*EVENTS.values(), "/feedback", "/state/base"})
+"""The topics that a piece of a record is told of."""
+
+THEN = frozenset({"/nodes", "/feedback", "/variables", "/percepts", "/state/base"})
+"""Those that a moment is told of."""
 
 BEFORE = 16_000_000
 """Bytes before a moment that are looked through for what was so then."""
@@ -58,13 +67,16 @@ class Opened:
         self.record = open_record(path)
         began = began_at(self.record.head)
         self.chunks = []
+        container = self.record.container
         with path.open("rb") as file:
-            for span in self.record.container.chunk_spans:
-                file.seek(span.start + _HEAD)
-                found = file.read(_TIMES.size)
-                if len(found) == _TIMES.size:
-                    start, end = _TIMES.unpack(found)
-                    self.chunks.append(((start - began) / 1e9, (end - began) / 1e9, span))
+            for span in container.chunk_spans:
+                times = container.times.get(span.start)
+                if times is None:  # it was never closed, and has no index
+                    file.seek(span.start + _HEAD)
+                    found = file.read(_TIMES.size)
+                    times = _TIMES.unpack(found) if len(found) == _TIMES.size else None
+                if times is not None:
+                    self.chunks.append(((times[0] - began) / 1e9, (times[1] - began) / 1e9, span))
         self.chunks.sort(key=lambda chunk: chunk[0])
 
     def piece(self, first: int, last: int) -> Record:
@@ -106,14 +118,13 @@ def record(command: Command) -> Json:
         raise TypeError(command.word)
     opened = Opened(_path(command.name))
     first = bisect_left(opened.chunks, command.start, key=lambda chunk: chunk[0])
-    clock, last, pieces = SystemClock(), first, list[Record]()
+    clock, last, gathered = SystemClock(), first, _Gathered()
     while last < len(opened.chunks) and (last == first or clock.now() < BUDGET):
-        pieces.append(opened.piece(last, last + 1))
-        _read(pieces[-1])
+        gathered.add(opened.piece(last, last + 1))
         last += 1
-    told = {**_about(opened.record), **_ended(opened.end()), "until": opened.until, **_gathered(pieces)}
+    told = {**_about(opened.record), "until": opened.until, **gathered.told()}
     if first == 0:
-        told["drawing"] = to_json(opened.record.drawing())
+        told |= {**_ended(opened.end()), "drawing": to_json(opened.record.drawing())}
     if last < len(opened.chunks):
         told["more"] = opened.chunks[last][0]
     return told
@@ -128,22 +139,28 @@ def moment(command: Command) -> Json:
     piece = opened.piece(spans[-1][0], spans[0][1]) if spans else opened.piece(0, 0)
     changed: dict[str, list[object]] = {}
     variables: Json = {}
-    for topic, told in _messages(piece, frozenset({"/nodes", "/feedback", "/variables"}), time):
-        if topic == "/variables":
-            event = from_json(told, VariableSet)
-            variables[f"{event.scope} {event.name}".lstrip()] = None if event.value is None else in_words(event.value)
-        elif topic == "/nodes":
-            changed[told["node"]] = [told["status"], told["reason"], told["t"]]
-        elif told["node"] in changed:
-            changed[told["node"]][1] = told["reason"]
-    views = [(told, view) for told, view in piece.views() if told <= time + SAME]
-    places = [place for place in _trail(piece) if place[0] <= time + SAME]
+    places: list[list[float]] = []
+    percept = None
+    with understanding(opened.record.path):
+        for topic, told in _messages(piece, THEN, time):
+            if topic == "/state/base":
+                places = _place(told) or places
+            elif topic == "/percepts":
+                percept = told
+            elif topic == "/variables":
+                event = from_json(told, VariableSet)
+                value = None if event.value is None else in_words(event.value)
+                variables[f"{event.scope} {event.name}".lstrip()] = value
+            elif topic == "/nodes":
+                changed[told["node"]] = [told["status"], told["reason"], told["t"]]
+            elif changed.get(told["node"], [""])[0] == "running":
+                changed[told["node"]][1] = told["reason"]
     return {
         "t": time,
         "changed": changed,
         "variables": variables,
-        "percept": percept_of(views[-1][1], views[-1][0]).as_dict() if views else None,
-        "pose": places[-1][1:] if places else None,
+        "percept": percept and percept_of(from_json(percept, View), percept["t"]).as_dict(),
+        "pose": places[0][1:] if places else None,
         "picture": _picture(opened, time, spans),
     }
 
@@ -163,13 +180,11 @@ DOES: Mapping[str, Callable[[Command], Json]] = {"records": listed, "record": re
 """What does each command."""
 
 
-def _messages(piece: Record, topics: frozenset[str], time: float) -> Iterator[tuple[str, Any]]:
+def _messages(piece: Record, topics: frozenset[str], time: float = inf) -> Iterator[tuple[str, Any]]:
     """Yield what was told on topics up to a time: nothing else of the piece is read."""
-    with understanding(piece.path):
-        for message in piece.container.messages(topics):
-            told = message_in(message.data)
-            if told["t"] <= time + SAME:
-                yield message.topic, told
+    for topic, told in piece.read(lambda topic, data: (topic, data), *topics):
+        if told["t"] <= time + SAME:
+            yield topic, told
 
 
 def _path(name: str) -> Path:
@@ -206,44 +221,44 @@ def _ended(end: Ended | None) -> Json:
     return {"result": "", "reason": ""} if end is None else {"result": end.result, "reason": end.reason}
 
 
-def _read(piece: Record) -> None:
-    """Have a piece read what is asked of it below."""
-    _ = piece.events, piece.states
+class _Gathered:
+    """What pieces tell together."""
+
+    def __init__(self) -> None:
+        self._lanes: dict[str, list[list[object]]] = {}
+        self._log: list[object] = []
+        self._failures: list[float] = []
+        self._trail: list[list[float]] = []
+
+    def add(self, piece: Record) -> None:
+        """Take in a piece, which comes behind the others."""
+        with understanding(piece.path):
+            for topic, told in sorted(_messages(piece, TOLD), key=lambda each: float(each[1]["t"])):
+                t = round(told["t"], 4)
+                if topic == "/nodes":
+                    self._lanes.setdefault(told["node"], []).append([t, told["status"], told["reason"]])
+                    self._failures += [t] if told["status"] == "failure" else []
+                elif topic == "/feedback":
+                    lane = self._lanes.setdefault(told["node"], [])
+                    if not lane or lane[-1][1] == "running":
+                        lane.append([t, "running", told["reason"]])
+                elif topic == "/state/base":
+                    self._trail += _place(told)
+                elif (event := piece.event(topic, told)) is not None and not isinstance(event, UNWRITTEN):
+                    self._log.append(event.as_dict())
+
+    def told(self) -> Json:
+        """Return it as an answer has it."""
+        places = [place for before, place in pairwise([[], *self._trail]) if place[1:] != before[1:]]
+        step = max(1, len(places) // MOST_PLACES)
+        return {"lanes": self._lanes, "log": self._log, "failures": self._failures, "trail": places[::step]}
 
 
-def _gathered(pieces: Sequence[Record]) -> Json:
-    """Return what pieces tell together."""
-    lanes: dict[str, list[object]] = {}
-    log: list[object] = []
-    failures: list[float] = []
-    trail: list[list[float]] = []
-    pictures: list[float] = []
-    for piece in pieces:
-        for time, now in piece.states:
-            lanes.setdefault(now.node, []).append([round(time, 4), now.status, now.reason])
-        log += [event.as_dict() for event in piece.events if not isinstance(event, UNWRITTEN)]
-        failures += [round(change.t, 4) for change in piece.failures()]
-        trail += _trail(piece)
-        pictures += [round(time, 4) for time in _times(piece, "/camera")]
-    step = max(1, len(trail) // MOST_PLACES)
-    return {"lanes": lanes, "log": log, "failures": failures, "trail": trail[::step], "pictures": pictures}
-
-
-def _trail(piece: Record) -> list[list[float]]:
-    """Return when the base was where."""
-    (times, xs), (_, ys), (_, headings) = (piece.series(f"base.{name}") for name in ("x", "y", "heading"))
-    places = [
-        [round(t, 3), round(x, 3), round(y, 3), round(heading, 3)]
-        for t, x, y, heading in zip(times, xs, ys, headings, strict=False)
-    ]
-    return [place for before, place in pairwise([[], *places]) if place[1:] != before[1:]]
-
-
-def _times(piece: Record, topic: str) -> Iterator[float]:
-    """Yield when messages on a topic were, without reading them."""
-    began = began_at(piece.head)
-    for message in piece.container.messages(frozenset({topic})):
-        yield (message.time - began) / 1e9
+def _place(told: Mapping[str, Any]) -> list[list[float]]:
+    """Return when the base was where, if a message tells that."""
+    found = [told[name] for name in ("t", "x", "y", "heading")]
+    known = told["quality"] == "good" and all(isinstance(each, int | float) and abs(each) < MAX_TIME for each in found)
+    return [[round(each, 3) for each in found]] if known else []
 
 
 def _picture(opened: Opened, time: float, spans: Sequence[tuple[int, int]]) -> Json | None:

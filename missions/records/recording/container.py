@@ -72,7 +72,8 @@ class Container:
     """A file, and where its records stand. ``whole``: it was closed properly. ``end``: the byte where its data end.
 
     ``spoilt`` are the stretches between records that are none. ``channels`` and ``schemas`` are those that the index
-    names; reading the chunks adds theirs.
+    names; reading the chunks adds theirs. ``times`` are the first and the last of each chunk that the index names (ns
+    since 1970), by the byte that it begins at.
     """
 
     path: Path
@@ -82,6 +83,7 @@ class Container:
     spoilt: Sequence[Span] = ()
     channels: dict[int, Channel] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=dict)
+    times: dict[int, tuple[int, int]] = field(default_factory=dict)
 
     def header(self) -> Header | None:
         """Return which program wrote the file, for which readers; None where that is damaged."""

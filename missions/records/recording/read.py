@@ -151,7 +151,7 @@ class Record:
 
         In a piece that was cut out, the newest changes of before its beginning come first.
         """
-        found = [event for event in self.read(self._event, *EVENTS.values(), "/moments") if event is not None]
+        found = [event for event in self.read(self.event, *EVENTS.values(), "/moments") if event is not None]
         found.sort(key=_order)
         status = "running"
         for event in found:  # a tick's result is what the root came to in it
@@ -247,8 +247,8 @@ class Record:
     def _changes(self) -> list[NodeChanged]:
         return [event for event in self.events if isinstance(event, NodeChanged)]
 
-    def _event(self, topic: str, data: Any) -> Event | None:
-        """Return the event that a message tells of; of a tick, its status is not known here."""
+    def event(self, topic: str, data: Any) -> Event | None:
+        """Return the event that a message on a topic tells of, if any; of a tick, its status is not known here."""
         if topic == "/moments":
             # It is told when it is over. In real time it takes some, though for the tree that stands still.
             spent = 0.0 if self.head.simulate == "fast" else seconds(data["spent"])

@@ -7,6 +7,7 @@ the next chunk after it is found by what every chunk of ours has in it.
 import struct
 import zlib
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
@@ -80,16 +81,17 @@ def _by_index(path: Path, file: BinaryIO, size: int) -> Container | None:
     ends = [len(MAGIC), *(span.end for span in spans)]
     if not all(end <= span.start < span.end <= start for end, span in zip(ends, spans, strict=False)):
         return None  # it lies, or names one chunk a million times
-    return Container(path, True, start, spans, (), found.channels, found.schemas)
+    return replace(found, spans=spans)
 
 
 def _listed(found: Container, index: bytes) -> Iterator[Span]:
-    """Yield where the index says that records stand, and let ``found`` learn the channels."""
+    """Yield where the index says that records stand, and let ``found`` learn the channels, and when each chunk is."""
     for opcode, start, end in records_in(index):
         data = index[start:end]
         match opcode:
             case Opcode.CHUNK_INDEX:
                 chunk = parsed(ChunkIndex.read, data)
+                found.times[chunk.chunk_start_offset] = chunk.message_start_time, chunk.message_end_time
                 yield Span(Opcode.CHUNK, chunk.chunk_start_offset, chunk.chunk_start_offset + chunk.chunk_length)
             case Opcode.ATTACHMENT_INDEX:
                 file = parsed(AttachmentIndex.read, data)

@@ -9,6 +9,7 @@ import "./tree.js";
 
 const STEP = 0.1; // seconds of the slider
 const WIDE = 1000; // units of the time line
+const MOST_PLACES = 8000; // of the way
 
 /** Return what a lane of [t, status, reason] says at t, as a tree shows it. */
 function at(lane, t) {
@@ -24,6 +25,7 @@ function at(lane, t) {
 }
 
 export class Record {
+  gone = false; // whether nobody looks at it any more
   #link;
   #name;
   #record = null;
@@ -33,6 +35,7 @@ export class Record {
   #playing = 0;
   #slider = el("input", { type: "range", min: "0", step: String(STEP), value: "0", "aria-label": "Time" });
   #clock = el("output", { class: "clock" });
+  #told = el("span");
   #play = button("Play", () => this.#run());
   #marks = svg("svg", { class: "marks", viewBox: `0 0 ${WIDE} 12`, preserveAspectRatio: "none", "aria-hidden": "true" });
   #tree = el("studio-tree");
@@ -56,14 +59,12 @@ export class Record {
 
   /** Go to a moment: t seconds from the start of the run. */
   go(t) {
-    const { until, lanes } = this.#record;
+    const { until } = this.#record;
     this.#t = Math.max(0, Math.min(until, t));
     this.#slider.value = this.#t;
     this.#slider.setAttribute("aria-valuetext", seconds(this.#t));
     put(this.#clock, `${seconds(this.#t)} of ${seconds(until)}`);
-    const statuses = {};
-    for (const [key, lane] of Object.entries(lanes)) statuses[key] = at(lane, this.#t);
-    this.#tree.show(statuses, this.#t, true);
+    if (this.#record.more === undefined) this.#stand(this.#t);
     let last = null;
     for (const line of this.#log.node.children) {
       const past = Number(line.dataset.t) <= this.#t;
@@ -72,6 +73,13 @@ export class Record {
     }
     if (last) this.#log.node.scrollTop = last.offsetTop - this.#log.node.clientHeight / 2;
     this.#ask();
+  }
+
+  /** Show how the tree stood, as far as that is read: `changed` is what is known besides. */
+  #stand(t, changed) {
+    const statuses = {};
+    for (const [key, lane] of Object.entries(this.#record.lanes)) statuses[key] = at(lane, t);
+    this.#tree.show({ ...statuses, ...changed }, t, true);
   }
 
   /** Play no more. */
@@ -84,25 +92,19 @@ export class Record {
   async #open() {
     let record;
     try {
-      record = await this.#pieces();
+      record = await this.#piece();
     } catch (error) {
       this.node.replaceChildren(el("p", { class: "empty" }, error.message, error.hint && ` Try: ${error.hint}`));
       return;
     }
     this.#record = record;
     this.#slider.max = String(Math.ceil(record.until / STEP) * STEP); // a whole number of steps: the end can be reached
-    for (const t of record.failures) this.#mark(t, "failed");
-    const failures = record.failures.length;
-    const skip = (back) => button(back ? "‹ Failure" : "Failure ›", () => this.#skip(back), {
-      disabled: !failures,
-      "aria-label": back ? "Previous failure" : "Next failure",
-    });
-    const told = `${failures || "no"} ${failures === 1 ? "failure" : "failures"}`;
-    const facts = [plain(record.robot), reality(record.simulated), plain(record.world ?? ""), day(record.began), told];
+    const skip = (back) => button(back ? "‹ Failure" : "Failure ›", () => this.#skip(back), { "aria-label": back ? "Previous failure" : "Next failure" });
+    const facts = [plain(record.robot), reality(record.simulated), plain(record.world ?? ""), day(record.began)];
     const name = this.#link.welcome?.role === "operator" && encodeURIComponent(this.#name);
     this.node.replaceChildren(
       el("h2", null, plain(record.mission)),
-      el("p", { class: "facts" }, facts.filter(Boolean).join(" · ")),
+      el("p", { class: "facts" }, facts.filter(Boolean).join(" · "), " · ", this.#told),
       el("p", { class: `result ${record.result}` }, ending(record.result, record.reason)),
       el("div", { class: "timeline" }, this.#marks, this.#slider,
         el("div", { class: "controls" }, this.#play, skip(true), skip(false), this.#clock,
@@ -114,21 +116,38 @@ export class Record {
         el("div", null, panel("Variables", "values", this.#variables.node), panel("Log", "log", this.#log.node))));
     this.#tree.draw(record.drawing);
     if (record.world) this.#plan.under(this.#link, record.world);
-    this.#log.add(record.log);
-    this.go(record.result === "success" ? record.until : (record.failures.at(-1) ?? record.until));
+    this.#add(record);
+    this.go(record.result === "success" || record.more !== undefined ? record.until : (record.failures.at(-1) ?? record.until));
+    await this.#rest(record);
   }
 
-  /** A long record comes in pieces. */
-  async #pieces() {
-    const ask = (more) => this.#link.ask({ do: "record", name: this.#name, ...more });
-    const record = await ask();
-    for (let more = record.more; more !== undefined && more !== null; ) {
-      const piece = await ask({ start: more });
-      for (const name of ["log", "failures", "trail", "pictures"]) record[name] = record[name].concat(piece[name] ?? []);
-      for (const [key, lane] of Object.entries(piece.lanes ?? {})) record.lanes[key] = (record.lanes[key] ?? []).concat(lane);
-      more = piece.more;
+  #piece(more) {
+    return this.#link.ask({ do: "record", name: this.#name, ...more });
+  }
+
+  /** What is left of a long record comes in pieces, while the first one and the end are looked at. */
+  async #rest(record) {
+    try {
+      while (record.more !== undefined && !this.gone) {
+        const piece = await this.#piece({ start: record.more });
+        record.more = piece.more;
+        for (const name of ["failures", "trail"]) record[name].push(...piece[name]);
+        for (const [key, lane] of Object.entries(piece.lanes)) (record.lanes[key] ??= []).push(...lane);
+        while (record.trail.length > MOST_PLACES) record.trail = record.trail.filter((_, at) => at % 2 === 0);
+        this.#add(piece);
+        if (record.more === undefined) this.go(this.#t);
+      }
+    } catch (error) {
+      tell(error);
     }
-    return record;
+  }
+
+  /** Show what a piece brings. */
+  #add(piece) {
+    for (const t of piece.failures) this.#mark(t, "failed");
+    const { failures, more } = this.#record;
+    put(this.#told, `${failures.length || "no"} ${failures.length === 1 ? "failure" : "failures"}${more === undefined ? "" : ` up to ${seconds(more)}: it is being read…`}`);
+    this.#log.add(piece.log);
   }
 
   #mark(t, kind) {
@@ -179,6 +198,7 @@ export class Record {
   }
 
   async #show(moment) {
+    if (this.#record.more !== undefined) this.#stand(moment.t, moment.changed);
     this.#variables.show(moment.variables, moment.t);
     const way = this.#record.trail.filter(([t]) => t <= moment.t).map(([, x, y]) => [x, y]);
     this.#plan.show({ pose: moment.pose, percept: moment.percept ?? {} });

@@ -29,6 +29,7 @@ export class Records {
       return;
     }
     const opened = new Map(wanted.map((name) => [name, this.#open.get(name) ?? new Record(this.#link, name)]));
+    for (const [name, each] of this.#open) each.gone = !opened.has(name);
     this.#open = opened;
     this.node.replaceChildren(
       el("div", { class: "head" }, el("p", { class: "back" }, el("a", { href: "#records" }, "‹ all records")), this.#beside(wanted)),

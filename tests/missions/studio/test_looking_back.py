@@ -1,0 +1,116 @@
+"""Records as the studio reads them: piece by piece."""
+
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from missions.executive.events import Ended, NodeChanged, VariableSet
+from missions.records.recording.head import Contents
+from missions.records.recording.items import Feedback, packed, unpacked
+from missions.records.recording.sink import Sink
+from missions.records.recording.writer import RecordWriter
+from missions.studio import looking_back
+from missions.studio.ring import records_folder
+from missions.studio.wishes import Moment
+from missions.studio.wishes import Record as Asked
+from missions.views.pictures.tree_json import to_json
+from tests.missions.records.report.told_record import DRAWING, FILES, WHERE
+
+
+@pytest.fixture
+def folder() -> Path:
+    folder = records_folder()
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def long(path: Path, chunks: int) -> Path:
+    """Write a record of so many chunks, each of a second, in which a leaf runs, and fails in every tenth."""
+    with path.open("wb", buffering=0) as file:
+        writer = RecordWriter(Sink(file.fileno()), Contents(WHERE, FILES, json.dumps(to_json(DRAWING)).encode()))
+        writer.begin()
+        for second in range(1, chunks):
+            status = "running" if second % 10 else "failure"
+            change = NodeChanged(float(second), 20 * second, "1.1", "track_face", "track_face", 1, status, "")
+            heavy = VariableSet(second + 0.1, 20 * second, "", "person", "x" * 2000)
+            last = Ended(second + 0.5, "m", "failure", "the end", second + 0.5, 20 * second)
+            for item in unpacked(packed([change, heavy, Feedback(second + 0.2, 20 * second, "1.1", f"of {second}")])):
+                writer.add(item)
+            if second == chunks - 1:
+                writer.add(unpacked(packed([last]))[0])
+            writer.flush()
+        assert writer.close().whole
+    return path
+
+
+def piece_of(name: str, start: float = -1e9) -> dict[str, Any]:
+    return looking_back.record(Asked(name=name, start=start))
+
+
+@pytest.fixture
+def read(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
+    """What is read of files: from which byte on, and how many."""
+    found: list[tuple[int, int]] = []
+    opened = Path.open
+
+    class Counted(io.BufferedReader):
+        def read(self, size: int | None = -1, /) -> bytes:
+            at = self.tell()
+            data = super().read(size)
+            found.append((at, len(data)))
+            return data
+
+    def counting(path: Path, mode: str = "r", *more: Any, **named: Any) -> Any:
+        return Counted(io.FileIO(path)) if mode == "rb" else opened(path, mode, *more, **named)
+
+    monkeypatch.setattr(Path, "open", counting)
+    return found
+
+
+def test_before_the_first_view_of_a_record_its_index_and_a_few_chunks_are_read_however_long_it_is(
+    folder: Path, read: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(looking_back, "BUDGET", 0.0)
+    counts = []
+    for chunks in (50, 400):
+        long(folder / "long.mcap", chunks)
+        read.clear()
+        record = piece_of("long.mcap")
+        assert (record["result"], record["until"], record["more"]) == ("failure", chunks - 0.5, 1.0)
+        counts.append(len(read))
+    assert counts[1] <= counts[0]
+
+
+def test_pieces_tell_together_what_a_record_tells(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    long(folder / "long.mcap", 31)
+    whole = piece_of("long.mcap")
+    assert whole["failures"] == [10.0, 20.0, 30.0]
+    assert "more" not in whole
+    monkeypatch.setattr(looking_back, "BUDGET", 0.0)
+    piece = piece_of("long.mcap")
+    lane, log = list[Any](), list[Any]()
+    while True:
+        lane += piece["lanes"].get("1.1", [])
+        log += piece["log"]
+        if "more" not in piece:
+            break
+        piece = piece_of("long.mcap", piece["more"])
+        assert "drawing" not in piece
+    assert whole["lanes"] == {"1.1": lane}
+    assert whole["log"] == log
+    assert [9.2, "running", "of 9"] in lane
+    assert [10.2, "running", "of 10"] not in lane  # it had failed before
+
+
+def test_a_moment_is_read_from_what_was_just_before_it(
+    folder: Path, read: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = long(folder / "long.mcap", 400)
+    monkeypatch.setattr(looking_back, "BEFORE", path.stat().st_size / 20)
+    read.clear()
+    moment = looking_back.moment(Moment(name="long.mcap", t=200.3))
+    assert moment["changed"] == {"1.1": ["failure", "", 200.0]}
+    assert sum(size for _, size in read) < path.stat().st_size / 2  # the index too: of so short chunks it is long
