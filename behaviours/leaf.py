@@ -165,6 +165,7 @@ class Leaf(Stopping):
         """
         run = self.run
         run.working = self
+        self.visited = run.tick
         try:
             if self._leaf_stage == WORKING:
                 self.feedback_message = ""

@@ -23,7 +23,7 @@ class Node(Behaviour):
 
     ``key`` is its stable id within the tree ("1.2"), ``kind`` the word of the mission language, ``line`` where it
     stands in ``file``. ``scope`` holds the variables of its mission. ``feedback_message``, py_trees' own, is the
-    reason: why it failed, or what it waits for.
+    reason: why it failed, or what it waits for. ``visited`` is the tick in which it was ticked last.
 
     Each class declares which attributes of its own decide what it does next: ``run_state`` while it runs, and
     ``lasting_state`` at any time. ``mission verify`` takes nodes that are equal in these for the same.
@@ -34,6 +34,7 @@ class Node(Behaviour):
     key = ""
     kind = ""
     line = 0
+    visited = -1
     file = ""
     run: Run
     scope: dict[str, object]

@@ -35,6 +35,7 @@ class Parent(Node):
 
         Ticked again before its halt is through, it finishes that first and starts afresh.
         """
+        self.visited = self.run.tick
         afresh = self.unstarted or self.status is not RUNNING
         if self.ending is not None:
             status = self.end(self.ending)

@@ -144,6 +144,9 @@ class State:
     changed: Annotated[
         Mapping[str, Sequence[object]] | None, "By the key of a node: its status, its reason, and since when."
     ] = None
+    visited: Annotated[Sequence[str] | None, "The way of the last tick: the keys of the nodes that it has visited."] = (
+        None
+    )
     variables: Annotated[Mapping[str, object] | None, "By their names: texts, and null for those that are gone."] = None
     parts: Annotated[
         Sequence[Mapping[str, object]] | None,

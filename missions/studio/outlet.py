@@ -101,6 +101,7 @@ class Outlet:
         told: Json = {**self._feed.news(), **more}
         told.pop("log", None)
         place = self._place if self._in_tick else self._where()
+        place = {**place, "visited": self._feed.visited()}
         told |= {name: value for name, value in place.items() if value != self._all.get(name)}
         with self._lock:
             lines = [line.as_dict() for line in self._lines]

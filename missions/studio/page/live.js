@@ -19,6 +19,8 @@ export class Live {
   #clock = el("span", { class: "clock" });
   #age = el("p", { class: "age", role: "status" });
   #tree = el("studio-tree", { class: "live" });
+  #ticks = el("span", { class: "hint" });
+  #late = 0; // seconds of the last tick that was
   #camera = el("studio-camera");
   #plan = el("studio-plan");
   #variables = new Variables();
@@ -37,7 +39,7 @@ export class Live {
     this.#watcher = watcher;
     const follow = toggle("Follow", true, (on) => (this.#tree.follow = on));
     this.#tree.follow = true;
-    const tools = el("div", { class: "tools" }, follow, button("Fold all", () => this.#tree.fold(true)), button("Unfold all", () => this.#tree.fold(false)));
+    const tools = el("div", { class: "tools" }, follow, button("Fold all", () => this.#tree.fold(true)), button("Unfold all", () => this.#tree.fold(false)), this.#ticks);
     const cameras = panel("Camera", "camera", this.#camera);
     cameras.addEventListener("fold", () => (this.#camera.shown = this.#shown && !cameras.classList.contains("folded")));
     this.#joints.panel = panel("Arm", "arm", this.#joints.node);
@@ -96,6 +98,8 @@ export class Live {
   #state(state) {
     if (state.changed || state.anew) this.#tree.show(state.changed ?? {}, state.t, state.anew);
     else this.#tree.show({}, state.t);
+    if (state.visited) this.#tree.visit(state.visited);
+    this.#late = state.late || this.#late;
     this.#plan.show(state);
     this.#spoken.add(state.log);
     this.#log.add(state.log, state.lost);
@@ -108,6 +112,7 @@ export class Live {
   #part() {
     const { state } = this.#watcher;
     if (!state) return;
+    put(this.#ticks, `tick ${state.tick}, ${state.lates ? `${state.lates} late, the last by ${Math.round(1000 * this.#late)} ms` : "none late"}`);
     this.#variables.show(this.#news.get("variables"), state.t);
     this.#parts.show(this.#news.get("parts"));
     this.#joints.show(this.#news.get("joints"));

@@ -8,6 +8,7 @@ const TICKING = 250; // milliseconds from one renewal of "for 3.2 s" to the next
 /** One block, and how it stands. */
 class Block {
   status = "idle";
+  visited = false;
   reason = "";
   since = null;
 
@@ -62,7 +63,7 @@ class Block {
 
   set(status, reason, since) {
     if (status !== this.status) {
-      this.item.className = `node ${status}`;
+      this.item.classList.replace(this.status, status);
       put(this.sign, SIGNS[status] ?? "?");
       this.status = status;
     }
@@ -85,6 +86,7 @@ export class Tree extends HTMLElement {
   #paint = soon(() => this.#patch(), 80);
   #scroll = soon(() => this.#reveal(), 300); // it costs a layout of the page
   #t = 0;
+  #visited = [];
   #ticked = 0;
   #drawn = "";
   #adding = []; // nodes whose blocks are not there yet
@@ -116,7 +118,14 @@ export class Tree extends HTMLElement {
     this.#badges.clear();
     this.#now.clear();
     this.#waiting.clear();
+    this.#visited = [];
     this.replaceChildren();
+  }
+
+  /** Say which nodes, by their keys, the last tick has visited. */
+  visit(keys) {
+    this.#visited = keys;
+    this.#paint();
   }
 
   /** Say how nodes stand at `t`, by their keys; with `whole`, all others are idle. */
@@ -165,6 +174,10 @@ export class Tree extends HTMLElement {
         block.set(status, reason ?? "", since ?? null);
         block.tick(this.#t);
       } else if (this.#badges.has(key)) this.#badges.get(key).className = `badge ${status}`;
+    }
+    const visited = new Set(this.#visited);
+    for (const [key, block] of this.#blocks) {
+      if (block.visited !== visited.has(key)) block.item.classList.toggle("visited", (block.visited = !block.visited));
     }
     if (due) {
       this.#ticked = now;

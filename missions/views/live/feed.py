@@ -141,6 +141,11 @@ class Feed:
             told["parts"] = [asdict(part) for part in parts]
         return told
 
+    def visited(self) -> list[str]:
+        """Return the keys of the nodes that the last tick has visited, and the one that goes on, so far."""
+        last = self._tick
+        return [key for key, node in self._nodes.items() if node.visited >= last]
+
     def _renew_reasons(self, changed: dict[str, tuple[str, str, float]]) -> None:
         """Add to what has ``changed`` the nodes that run on and have a new reason: of that there is no event."""
         for key, now in changed.items():

@@ -46,6 +46,8 @@ def test_greet_is_run_from_its_form_watched_and_looked_at_again(
     wait_until(lambda: tab.evaluate("location.hash") == "#live")
     page.wait_for("turtlebot2 arm", "living room", "greeting: Ahoy!")
     wait_until(lambda: any("find_face: running" in each.name for each in tab.all("treeitem")))
+    wait_until(lambda: tab.evaluate("!!document.querySelector('.node.visited')"))
+    page.wait_for("tick ", " late")
     tab.evaluate("document.querySelector('studio-camera').scrollIntoView()")
     wait_until(lambda: any("sees face" in each.name for each in tab.all("image")))
     page.wait_for("“Ahoy!”")

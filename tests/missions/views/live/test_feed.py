@@ -75,6 +75,20 @@ def test_ticks_are_told_with_how_many_were_late() -> None:
     assert (told["t"], told["tick"], told["lates"], told["paused"], told["stopping"]) == (2.5, 7, 1, False, False)
 
 
+def test_the_way_of_the_last_tick_is_told() -> None:
+    clock, stream = ManualClock(), Stream()
+    root, run = ready(plan_of("  sequence:\n    - wait: 1 s\n    - wait: 1000 s\n"), clock)
+    executive = Executive(root, run, stream)
+    feed = Feed(executive, clock, look=lambda: (), lines=lambda _: ())
+    stream.listeners.append(feed)
+    visited = []
+    for _ in range(3):
+        executive.tick()
+        visited.append(feed.visited())
+        clock.advance(1.0)
+    assert visited == [["1.1", "1"], ["1.1", "1.2", "1"], ["1.2", "1"]]
+
+
 def test_values_are_told_in_words_that_fit_a_line() -> None:
     fed = Fed()
     face = Face(1, 1.0, Box(0, 0, 9, 9), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.5)
