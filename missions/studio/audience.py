@@ -51,7 +51,13 @@ class Audience:
         """Let a client watch so from now on, beginning with all that is so far."""
         self._scene = self._scene or scene_of(self._runner)
         self.tell()
-        told = {**self._scene, **self._of, "state": self._outlet.all, "log": list(self._outlet.log)}
+        told = {
+            **self._scene,
+            **self._of,
+            **self._outlet.past.told(),
+            "state": self._outlet.all,
+            "log": list(self._outlet.log),
+        }
         client.begin(command, line_of(Scene(run=self._name, **told)) + b"\n")  # type: ignore[arg-type]
         self.look_at_watches()
 

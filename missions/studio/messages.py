@@ -120,6 +120,8 @@ class Scene:
     limits: Annotated[Mapping[str, float] | None, "Of the base: `speed` (m/s), `turn` (rad/s)."] = None
     state: Annotated[Mapping[str, object], "The same as of a `state`: here, all of it."]
     log: Annotated[Sequence[Mapping[str, object]], "The last 500 events that are worth a line."]
+    way: Annotated[Sequence[Sequence[float]], "Where the base was until now: x, y (m), 2000 places at most."]
+    past: Annotated[Mapping[str, Sequence[Sequence[object]]], "Of each variable, up to 60 values: when (s), and what."]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

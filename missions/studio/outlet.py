@@ -12,6 +12,7 @@ from drivers.clock import Clock, SystemClock
 from missions.executive.events import CommandSent, Ended, Event, NodeChanged, PerceptSeen, Ticked, VariableSet
 from missions.executive.parts import PartsWatch
 from missions.runner import Runner
+from missions.studio.past import Past
 from missions.views.live.feed import Feed
 
 Json = dict[str, object]
@@ -55,6 +56,7 @@ class Outlet:
             lines=lambda _: (),
             in_tick=self._in_tick,
         )
+        self.past = Past(assembled.robot)
         self._place: Json = {}
         self._looked = float("-inf")
         self._scanned = -1
@@ -74,6 +76,7 @@ class Outlet:
         """Keep an event."""
         self._parts.take(event)
         self._feed(event)
+        self.past(event)
         with self._lock:
             match event:
                 case PerceptSeen():

@@ -92,7 +92,9 @@ export class Live {
     put(this.#facts, [plain(scene.robot), reality(scene.simulated), plain(scene.world), ...params].filter(Boolean).join(" · "));
     this.#tree.draw(scene.drawing);
     this.#plan.under(this.#link, scene.world);
-    for (const each of [this.#spoken, this.#log]) each.clear();
+    this.#plan.way(scene.way);
+    for (const each of [this.#variables, this.#spoken, this.#log]) each.clear();
+    for (const [name, values] of Object.entries(scene.past)) for (const [t, value] of values) this.#variables.show({ [name]: value }, t);
   }
 
   #state(state) {

@@ -103,6 +103,8 @@ def test_a_stop_latches_the_base_in_mid_drive_until_it_is_released(tmp_path: Pat
         scene = client.hear(lambda told: told["say"] == "scene")
         assert scene["state"]["paused"]
         assert scene["state"]["stopped"] == ""
+        assert scene["way"][0] == [0.0, 0.0]
+        assert scene["way"][-1][0] > 0.0  # though nobody has watched it
         assert not base.seen().moving
         assert client.ask("resume")["ok"]
         wait_until(lambda: base.seen().moving)
