@@ -1,5 +1,6 @@
 """What a behaviour sees of a base that drives on two wheels."""
 
+from collections.abc import Mapping
 from enum import IntFlag, StrEnum
 from typing import Protocol
 
@@ -143,6 +144,11 @@ class BaseState:
     lean: float | None = None
     fallen: bool = False
     posture: Posture = Posture.UNKNOWN
+
+    def figures(self) -> Mapping[str, float]:
+        """Return what is shown of it: metres and radians, m/s and rad/s, percent."""
+        moved = {"x": self.pose.x, "y": self.pose.y, "heading": self.pose.heading}
+        return {**moved, "speed": self.velocity.linear, "turn": self.velocity.angular, "battery": self.battery_percent}
 
 
 PERFORMED = ("stand", "sit", "gait")

@@ -1,5 +1,6 @@
 """What a behaviour sees of a head that pans and tilts a camera."""
 
+from collections.abc import Mapping
 from math import sqrt
 from typing import Protocol
 
@@ -15,6 +16,10 @@ class HeadPose:
 
     pan: Angle
     tilt: Angle
+
+    def figures(self) -> Mapping[str, float]:
+        """Return what is shown of it, in radians."""
+        return {"pan": self.pan, "tilt": self.tilt}
 
 
 HEAD_ACCELERATION = 7.0

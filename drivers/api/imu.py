@@ -1,5 +1,6 @@
 """What is felt of a robot's attitude: by an inertial measurement unit (IMU) in its trunk."""
 
+from collections.abc import Mapping
 from typing import Protocol
 
 from drivers.api.device import Device, Reading
@@ -19,6 +20,10 @@ class Attitude:
     yaw: float
     rates: tuple[float, float, float]
     forces: tuple[float, float, float]
+
+    def figures(self) -> Mapping[str, float]:
+        """Return what is shown of it, in radians."""
+        return {"roll": self.roll, "pitch": self.pitch}
 
 
 class Imu(Device, Protocol):

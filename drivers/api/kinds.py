@@ -19,8 +19,10 @@ class Kind:
     it hold still, None for what does nothing by itself; ``moves`` is False for what is heard and does not move.
     ``usual`` is the driver of a section that names none; where it is empty, the section must name one. ``wired`` parts
     have a port, and stand-ins of their own driver. ``after`` are the kinds that are made before it, where the robot has
-    them. ``step`` is its place among the twins of one moment; None for a part that is not stepped. A robot may have
-    ``several`` of a kind: the others under names of their own, in sections that say ``kind``.
+    them. ``reading`` is the method of its newest ``Reading``, whose value tells its ``figures``, or of one for each of
+    its joints; empty for what measures nothing. ``step`` is its place among the twins of one moment; None for a part
+    that is not stepped. A robot may have ``several`` of a kind: the others under names of their own, in sections that
+    say ``kind``.
     """
 
     name: str
@@ -34,6 +36,7 @@ class Kind:
     usual: str = ""
     wired: bool = False
     after: tuple[str, ...] = ()
+    reading: str = ""
     step: int | None = None
     several: bool = False
 
@@ -46,7 +49,7 @@ def _stop(base: Any) -> None:
 KINDS: Mapping[str, Kind] = {
     kind.name: kind
     for kind in (
-        Kind("base", "base", "Wheels.", BaseKeys, "drivers.api:Base", still=_stop, wired=True, step=0),
+        Kind("base", "base", "Wheels.", BaseKeys, "drivers.api:Base", still=_stop, wired=True, reading="state", step=0),
         Kind(
             "head",
             "head",
@@ -55,6 +58,7 @@ KINDS: Mapping[str, Kind] = {
             "drivers.api:Head",
             still=lambda it: it.stop(),
             wired=True,
+            reading="pose",
             step=1,
             several=True,
         ),
@@ -66,11 +70,23 @@ KINDS: Mapping[str, Kind] = {
             "drivers.api:Joints",
             still=lambda it: it.hold(),
             wired=True,
+            reading="states",
             step=2,
             several=True,
         ),
-        Kind("imu", "imu", "What feels how the robot leans.", ImuKeys, "drivers.api:Imu", wired=True),
-        Kind("range", "ranger", "A range finder that turns.", RangeKeys, "drivers.api:Ranger", wired=True, step=5),
+        Kind(
+            "imu", "imu", "What feels how the robot leans.", ImuKeys, "drivers.api:Imu", wired=True, reading="attitude"
+        ),
+        Kind(
+            "range",
+            "ranger",
+            "A range finder that turns.",
+            RangeKeys,
+            "drivers.api:Ranger",
+            wired=True,
+            reading="scan",
+            step=5,
+        ),
         Kind(
             "microphone",
             "hearing",

@@ -1,5 +1,6 @@
 """What a behaviour sees of a range finder: the distances all around, as one value."""
 
+from collections.abc import Mapping
 from math import inf, tau
 from typing import Protocol
 
@@ -26,6 +27,10 @@ class RangeScan:
     number: int
     least: float
     most: float
+
+    def figures(self) -> Mapping[str, float]:
+        """Return what is shown of it, in metres."""
+        return {"nearest": self.nearest()}
 
     def bearings(self) -> Angles:
         """Return where each beam points: shape (n,), radians, wrapped to -pi..pi."""

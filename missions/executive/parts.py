@@ -4,14 +4,13 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import field
 from math import isfinite
-from typing import Literal, TypeVar
+from typing import Any, Literal
 
 from behaviours.robot import Robot
-from drivers.api import BaseState, Device, Health, JointState, Latching, Reading
+from drivers.api import Device, Health, JointState, Latching, Reading
+from drivers.api.kinds import KINDS
 from drivers.api.quick import dataclass
 from missions.executive.events import Event, ReflexFired
-
-T = TypeVar("T")
 
 Level = Literal["OK", "WARN", "ERROR", "STALE"]
 """The levels by which robots tell of themselves: fine; worth a look; not there, or refusing; silent for too long."""
@@ -130,42 +129,26 @@ class PartsWatch:
         robot, kind = self._robot, part
         if (other := self._robot.others.get(part)) is not None:
             robot, kind = robot.of({other.kind: part}), other.kind
-        match kind:
-            case "base" if robot.base_part is not None:
-                return _measured(robot.base_part.state(), _of_base)
-            case "head" if robot.head_part is not None:
-                return _measured(robot.head_part.pose(), lambda pose: {"pan": pose.pan, "tilt": pose.tilt})
-            case "arm" if robot.arm_part is not None:
-                return _of_arm(robot.arm_part.states())
-            case "imu" if robot.imu_part is not None:
-                return _measured(robot.imu_part.attitude(), lambda felt: {"roll": felt.roll, "pitch": felt.pitch})
-            case "range" if robot.ranger_part is not None:
-                return _measured(robot.ranger_part.scan(), lambda scan: {"nearest": scan.nearest()})
-            case "camera" if self._looked is not None and (stamp := self._looked()) is not None:
-                return Measured(stamp, silent="no new picture" if now - stamp > PICTURE_TIME else "")
-            case _:
-                return None
+        if kind == "camera":
+            stamp = None if self._looked is None else self._looked()
+            late = stamp is not None and now - stamp > PICTURE_TIME
+            return None if stamp is None else Measured(stamp, silent="no new picture" if late else "")
+        declared = KINDS.get(kind)
+        if declared is None or not declared.reading:
+            return None
+        device = getattr(robot, f"{declared.field}_part")
+        return None if device is None else _measured(getattr(device, declared.reading)())
 
 
-def _measured(reading: Reading[T], figures: Callable[[T], Mapping[str, float]]) -> Measured:
-    if reading.value is None:
+def _measured(found: Reading[Any] | Mapping[str, Reading[JointState]]) -> Measured | None:
+    if isinstance(found, Mapping):
+        return _of_joints(found)
+    if found.value is None:
         return Measured(None, silent="nothing measured yet")
-    return Measured(reading.stamp, figures(reading.value), "" if reading.good else "nothing new")
+    return Measured(found.stamp, found.value.figures(), "" if found.good else "nothing new")
 
 
-def _of_base(state: BaseState) -> Mapping[str, float]:
-    pose, velocity = state.pose, state.velocity
-    return {
-        "x": pose.x,
-        "y": pose.y,
-        "heading": pose.heading,
-        "speed": velocity.linear,
-        "turn": velocity.angular,
-        "battery": state.battery_percent,
-    }
-
-
-def _of_arm(readings: Mapping[str, Reading[JointState]]) -> Measured | None:
+def _of_joints(readings: Mapping[str, Reading[JointState]]) -> Measured | None:
     """Return what all joints come to; an arm is as old as its oldest reading."""
     if not readings:
         return None

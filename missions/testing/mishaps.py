@@ -14,18 +14,13 @@ UNPLUGGED = ("unplugged",)
 
 STATES: dict[str, tuple[str, ...]] = {
     "base": ("unplugged", "bumped", "cliff", "lifted", "battery", "button", "docked", "driven"),
-    "head": UNPLUGGED,
     "arm": ("unplugged", "overloaded", "turned"),
-    "imu": UNPLUGGED,
-    "range": UNPLUGGED,
     "camera": ("unplugged", "frozen", "covered", "slow"),
     "microphone": ("unplugged", "deaf"),
     "voice": ("unplugged", "hanging"),
-    "screen": UNPLUGGED,
-    "ros2": UNPLUGGED,
     "run": ("stalled", "paused", "stopped"),
 }
-"""What can happen to each part, and to the run itself; to one that is not here, only that it is ``UNPLUGGED``."""
+"""What can happen to parts, and to the run itself; to a kind that is not here, only that it is ``UNPLUGGED``."""
 
 RUN = "run"
 """What stands for the tick loop, which is no part of the robot."""
