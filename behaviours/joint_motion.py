@@ -8,6 +8,7 @@ from typing import Protocol
 from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS, Leaf, argument
+from behaviours.mirroring import SLOWEST
 from behaviours.tracking_error import Sample
 from drivers.api import Joints, JointState, Reading
 
@@ -25,10 +26,6 @@ CATCH_UP = 0.2
 
 MARGIN = 1.1
 """By how much faster than its path a joint may go: one that is at each goal a little early keeps up with the next."""
-
-SLOWEST = 0.1
-"""rad/s: under load, slower orders do not move a small servo evenly."""
-
 
 ON_ARM: str = argument("arm", "which arm, of a robot that has several", default="arm")
 """The argument of leaves that move or feel joints, under the name ``on``."""

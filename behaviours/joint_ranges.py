@@ -3,7 +3,7 @@
 import difflib
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import field
+from dataclasses import field, replace
 
 from drivers.api import JointLimits
 from drivers.api.quick import dataclass
@@ -18,16 +18,26 @@ SLACK = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class JointRanges:
-    """The range of each joint, by name, in the order of the robot file; ``groups`` of joints go by one name."""
+    """The range of each joint, by name, in the order of the robot file; ``groups`` of joints go by one name.
+
+    ``arms`` are those of all arms of a robot that has several, by name, for what has to do with two; ``name`` is what
+    this one is called in messages.
+    """
 
     joints: Mapping[str, JointLimits]
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    arms: Mapping[str, "JointRanges"] = field(default_factory=dict)
+    name: str = "arm"
+
+    def of(self, arm: str | None) -> "JointRanges":
+        """Return those of another ``arm`` of the robot, which has it; these where it is None."""
+        return self if arm is None else replace(self.arms[arm], name=arm)
 
     def unknown(self, names: Iterable[str]) -> list[str]:
         """Return a mistake for each name that means neither a joint nor a group."""
         known = {*self.joints, *self.groups}
         return [
-            f"the arm has no joint or group '{name}'{_meant(name, known)}"
+            f"the {self.name} has no joint or group '{name}'{_meant(name, known)}"
             for name in dict.fromkeys(names)
             if name not in known
         ]
@@ -72,7 +82,7 @@ class JointRanges:
     def _no_joint(self, name: str) -> str:
         if name in self.groups:
             return f"'{name}' is a group of joints, and here each needs its own angle"
-        return f"the arm has no joint '{name}'{_meant(name, self.joints)}"
+        return f"the {self.name} has no joint '{name}'{_meant(name, self.joints)}"
 
 
 def _meant(name: str, known: Iterable[str]) -> str:

@@ -54,7 +54,8 @@ class Leaf(Stopping):
     instant: ClassVar[bool] = False
     open_ended: ClassVar[bool] = False
     arguments: ClassVar[Mapping[str, Argument]] = {}
-    named_parts: ClassVar[Mapping[str, str]] = {}
+    named_parts: ClassVar[Mapping[str, str]] = {}  # by their kinds, the one that it sees as its robot's only one
+    parts_beside: ClassVar[Mapping[str, str]] = {}  # the kinds of those that it means beside these, by their names
 
     robot: Robot
     result: object = None
@@ -89,18 +90,21 @@ class Leaf(Stopping):
         return cls.senses
 
     @classmethod
-    def with_part(cls, kind: str, name: str) -> "type[Leaf]":
+    def with_part(cls, kind: str, name: str, *, beside: bool = False) -> "type[Leaf]":
         """Return the leaf that means the part of this name, of a kind of which robots may have several.
 
-        That one it needs and claims, and sees as its robot's only one.
+        That one it needs and claims, and sees as its robot's only one; or needs and claims as well, ``beside`` the one
+        that it means already.
         """
-        if name == kind:
+        words, first = ("needs", "drives", "uses"), cls.named_parts.get(kind, kind)
+        if beside:
+            own: dict[str, Any] = {word: getattr(cls, word) | {name} for word in words if first in getattr(cls, word)}
+            own["parts_beside"] = {**cls.parts_beside, name: kind}
+        elif name == kind:
             return cls
-        words = ("needs", "drives", "uses")
-        own: dict[str, Any] = {
-            word: frozenset(name if each == kind else each for each in getattr(cls, word)) for word in words
-        }
-        own["named_parts"] = {**cls.named_parts, kind: name}
+        else:
+            own = {word: frozenset(name if each == kind else each for each in getattr(cls, word)) for word in words}
+            own["named_parts"] = {**cls.named_parts, kind: name}
         return type(cls.__name__, (cls,), {"__module__": cls.__module__, "__doc__": cls.__doc__, **own})
 
     @property

@@ -1,4 +1,4 @@
-"""Leaves in which joints follow others that somebody moves by hand; the driver's own loop leads them."""
+"""Leaves in which joints follow others that somebody moves by hand: led by their driver's own loop, or by each tick."""
 
 import math
 from abc import abstractmethod
@@ -9,7 +9,8 @@ from py_trees.common import Status
 from behaviours.joint_motion import LONGEST_STEP, ON_ARM, RUN_IN
 from behaviours.joint_ranges import JointRanges, degrees
 from behaviours.leaf import Leaf, argument
-from drivers.api import Coupling, JointLimits
+from behaviours.mirroring import Mirroring, by_range
+from drivers.api import Coupling, Joints, JointState
 
 LIMP = 1.0
 """Seconds for which a follower may be limp: whoever is led is stiff, unless it has shut down."""
@@ -17,21 +18,28 @@ LIMP = 1.0
 LEADING_TOLERANCE = math.radians(5)
 """Within this angle of where it belongs a follower may be led at full speed; farther away it comes slowly."""
 
+WAY_TIME = 0.1
+"""Seconds for each way that a tick sends a follower of another arm: two ticks, so that it goes evenly."""
+
 
 class _Led(Leaf):
     """Makes leaders limp and lets followers follow them, until it is halted; then all are as stiff as they were.
 
     Whatever comes between (a pause holds every joint), it begins anew; so it does after a lost bus, when the driver
-    itself has brought the followers over slowly and leads them again.
+    itself has brought the followers over slowly and leads them again. Followers of another arm than their leaders' are
+    sent on with each tick, since no driver has both.
     """
 
     needs = frozenset({"arm"})
     drives = frozenset({"arm"})
     ends = frozenset({"failure"})
     on: str = ON_ARM
+    leader_arm: str | None = argument("arm", "the arm of the leaders, where that is another than `on`", default=None)
     _couplings: tuple[Coupling, ...] = ()
     _stiff: tuple[str, ...] = ()  # the leaders that were not limp before
-    _at: Mapping[str, float] = {}  # where the joints are, by the readings of this tick
+    _leading_arm: Joints
+    _mirroring: Mirroring | None = None  # where two arms are led by ticks
+    _at: Mapping[Coupling, tuple[float, float]] = {}  # where leader and follower are, by the readings of this tick
     _following = False
     _seen_at: float | None = None
     _stiff_at = 0.0  # when all that is led was stiff
@@ -43,36 +51,58 @@ class _Led(Leaf):
     def initialise(self) -> None:
         self._couplings, self._stiff = (), ()
         self._following, self._seen_at = False, None
+        self._mirroring = None
+        self._leading_arm = self.robot.arm if self.apart is None else self.robot.of({"arm": self.apart}).arm
+
+    @property
+    def apart(self) -> str | None:
+        """The arm of the leaders, where that is another than the followers'."""
+        return None if self.leader_arm == self.on else self.leader_arm
 
     def update(self) -> Status:
-        if joint_violations := self.joint_violations(self.robot.reach):
+        reach = self.robot.reach
+        if joint_violations := self.joint_violations(reach):
             return self.fail("; ".join(joint_violations))
-        couplings = self.couplings(self.robot.reach)
-        states = self.robot.arm.states()
-        joints = dict.fromkeys(joint for each in couplings for joint in (each.leader, each.follower))
-        felt = {joint: state for joint in joints if (state := states[joint].value) is not None and states[joint].good}
-        if silent := [joint for joint in joints if joint not in felt]:
+        couplings = self.couplings(reach)
+        led = _felt(self.robot.arm)
+        leading = led if self.apart is None else _felt(self._leading_arm)
+        if silent := self._silent(couplings, leading, led):
             self._following = False
             return self.wait(f"waiting for {', '.join(silent)} to report")
-        self._at = {joint: state.position for joint, state in felt.items()}
-        stiff = tuple(dict.fromkeys(each.leader for each in couplings if felt[each.leader].torque))
+        self._at = {each: (leading[each.leader].position, led[each.follower].position) for each in couplings}
+        stiff = tuple(dict.fromkeys(each.leader for each in couplings if leading[each.leader].torque))
         if not self._couplings:
             self._couplings, self._stiff = couplings, stiff
+            if self.apart is not None:
+                self._mirroring = Mirroring(self._leading_arm, self.robot.arm, couplings, time=WAY_TIME)
         now = self.run.now()
         held = self._seen_at is None or now - self._seen_at > LONGEST_STEP
         self._seen_at = now
-        limp = [each.follower for each in couplings if not felt[each.follower].torque]
+        limp = [each.follower for each in couplings if not led[each.follower].torque]
         if held or not limp or not self.leading:
             self._stiff_at = now
         elif now - self._stiff_at > LIMP:
             return self.fail(f"{', '.join(limp)} {'is' if len(limp) == 1 else 'are'} limp, and cannot follow")
         self._lead(stiff, anew=held)
+        if self._following and self._mirroring is not None:
+            self._mirroring.step(now)
         return self.wait(self.state())
+
+    def _silent(
+        self, couplings: tuple[Coupling, ...], leading: Mapping[str, JointState], led: Mapping[str, JointState]
+    ) -> list[str]:
+        """Return the joints of which nothing is heard; the leaders by the name of their arm, where that is another."""
+        of = "" if self.apart is None else f"{self.apart}."
+        silent = []
+        for each in couplings:
+            silent += [] if each.leader in leading else [f"{of}{each.leader}"]
+            silent += [] if each.follower in led else [each.follower]
+        return list(dict.fromkeys(silent))
 
     def _lead(self, stiff: tuple[str, ...], *, anew: bool) -> None:
         """Make the leaders limp that are ``stiff``, and let the others follow, unless they do."""
         if stiff:
-            self.robot.arm.relax(stiff)
+            self._leading_arm.relax(stiff)
         if stiff or anew:
             self._following = False
         if not self._following:
@@ -80,7 +110,10 @@ class _Led(Leaf):
 
     def begin(self) -> bool:
         """Let the joints follow; return False where that has to wait."""
-        self.robot.arm.follow(self._couplings)
+        if self._mirroring is None:
+            self.robot.arm.follow(self._couplings)
+        else:
+            self._mirroring.pause()  # brought over slowly
         return True
 
     @property
@@ -94,9 +127,15 @@ class _Led(Leaf):
 
     def terminate(self, new_status: Status) -> None:
         del new_status
-        if self._couplings:
-            followers = [each.follower for each in self._couplings]
+        if not self._couplings:
+            return
+        followers = tuple(each.follower for each in self._couplings)
+        if self.apart is None:
             self.robot.arm.hold((*followers, *self._stiff))  # which also ends what leads them
+            return
+        self.robot.arm.hold(followers)
+        if self._stiff:
+            self._leading_arm.hold(self._stiff)
 
 
 class Mirror(_Led):
@@ -104,13 +143,18 @@ class Mirror(_Led):
 
     The first joint of the one leads the first of the other, and so on. The leaders become limp; the followers come
     slowly to where they belong, then follow at once. Running until it is halted; it never succeeds. In the end the
-    followers stay where they are, and the leaders are as stiff as before. Fails before anything moves when the arm
-    lacks a joint, or the two have not as many; and when a follower has shut down.
+    followers stay where they are, and the leaders are as stiff as before. Fails before anything moves when an arm
+    lacks a joint, or the two have not as many; and when a follower has shut down. With `leader_arm` another arm of the
+    robot leads: then the joints of one name belong together, unless some are named.
     """
 
     word = "mirror"
-    leader: tuple[str, ...] = argument("joints", "which are moved by hand: a group, a joint, or a list")
-    follower: tuple[str, ...] = argument("joints", "which copy them, in the same order")
+    leader: tuple[str, ...] = argument(
+        "joints", "which are moved by hand: a group, a joint, or a list; else those named as the followers", default=()
+    )
+    follower: tuple[str, ...] = argument(
+        "joints", "which copy them, in the same order; else those named as the leaders", default=()
+    )
     scale: float = argument(
         "number", "how much farther they go; -1 is the other way round", default=1.0, low=-5, high=5
     )
@@ -121,32 +165,55 @@ class Mirror(_Led):
     offsets: Mapping[str, float] = argument(
         "angle", "an offset of its own for some of the followers", default={}, by_joint=True, low=-math.pi, high=math.pi
     )
+    by_range: tuple[str, ...] = argument(
+        "joints", "followers that go as far through their range as their leader, not to the same angle", default=()
+    )
 
     def joint_violations(self, reach: JointRanges) -> list[str]:
-        if unknown := reach.unknown((*self.leader, *self.follower)):
+        if self.apart is None and not (self.leader and self.follower):
+            return ["it needs a leader and a follower, or a leader_arm that is another arm than it moves"]
+        leading = reach.of(self.apart)
+        if unknown := [*leading.unknown(self.leader), *reach.unknown((*self.follower, *self.by_range))]:
             return unknown
-        leaders, followers = reach.named(self.leader), reach.named(self.follower)
-        wrong = [f"'{joint}' cannot both lead and follow" for joint in leaders if joint in followers]
+        leaders, followers = self._joints(reach)
+        if lacking := [*leading.lacking(leaders), *reach.lacking(followers)]:
+            return lacking
+        both = followers if self.apart is None else ()
+        wrong = [f"'{joint}' cannot both lead and follow" for joint in leaders if joint in both]
+        if not leaders:
+            wrong.append(f"the {leading.name} has no joint of the name of one that is to follow: name them")
         if len(leaders) != len(followers):
             wrong.append(f"{_count(leaders)} cannot lead {_count(followers)}")
         strange = dict.fromkeys(joint for joint in (*self.scales, *self.offsets) if joint not in followers)
-        return [*wrong, *(f"'{joint}' has a scale or an offset, and does not follow" for joint in strange)]
+        ranged = [joint for joint in reach.named(self.by_range) if joint not in followers] if self.by_range else []
+        wrong += [f"'{joint}' has a scale or an offset, and does not follow" for joint in strange]
+        return [*wrong, *(f"'{joint}' goes by its range, and does not follow" for joint in ranged)]
+
+    def _joints(self, reach: JointRanges) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return who leads, and who follows; where the one are not named, they are called as the others."""
+        leading = reach.of(self.apart)
+        leaders = leading.named(self.leader) if self.leader else ()
+        followers = reach.named(self.follower) if self.follower else ()
+        shared = tuple(joint for joint in reach.joints if joint in leading.joints)
+        return leaders or followers or shared, followers or leaders or shared
 
     def couplings(self, reach: JointRanges) -> tuple[Coupling, ...]:
-        pairs = zip(reach.named(self.leader), reach.named(self.follower), strict=True)
+        leading, ranged = reach.of(self.apart), reach.named(self.by_range) if self.by_range else ()
         return tuple(
-            Coupling(leader, joint, self.scales.get(joint, self.scale), self.offsets.get(joint, self.offset))
-            for leader, joint in pairs
+            by_range(leader, leading.joints[leader], joint, reach.joints[joint])
+            if joint in ranged
+            else Coupling(leader, joint, self.scales.get(joint, self.scale), self.offsets.get(joint, self.offset))
+            for leader, joint in zip(*self._joints(reach), strict=True)
         )
 
     def begin(self) -> bool:
         """Bring the followers slowly to where they belong, then let them follow."""
-        arm = self.robot.arm
-        goals = {
-            each.follower: _within(each.scale * self._at[each.leader] + each.offset, arm.limits[each.follower])
-            for each in self._couplings
-        }
-        if any(abs(self._at[joint] - goal) > LEADING_TOLERANCE for joint, goal in goals.items()):
+        arm, goals, off = self.robot.arm, {}, 0.0
+        for each in self._couplings:
+            leader, at = self._at[each]
+            goals[each.follower] = arm.limits[each.follower].clamp(each.scale * leader + each.offset)
+            off = max(off, abs(at - goals[each.follower]))
+        if off > LEADING_TOLERANCE:
             arm.move(goals, speeds={joint: min(RUN_IN, arm.limits[joint].speed) for joint in goals})
             return False
         return super().begin()
@@ -183,8 +250,10 @@ class FollowJoint(_Led):
         self._origin, self._turned, self._passed = None, 0.0, False
 
     def joint_violations(self, reach: JointRanges) -> list[str]:
-        alike = [f"'{self.leader}' cannot both lead and follow"] if self.leader == self.follower else []
-        return reach.lacking((self.leader, self.follower)) + alike
+        both = self.apart is None and self.leader == self.follower
+        alike = [f"'{self.leader}' cannot both lead and follow"] if both else []
+        lacking = [*reach.of(self.apart).lacking((self.leader,)), *reach.lacking((self.follower,))]
+        return list(dict.fromkeys(lacking)) + alike
 
     def couplings(self, reach: JointRanges) -> tuple[Coupling, ...]:
         del reach
@@ -192,7 +261,7 @@ class FollowJoint(_Led):
 
     def begin(self) -> bool:
         """Let it follow once its leader was turned far enough; one that had begun before goes on at once."""
-        at = self._at[self.leader]
+        at, _ = self._at[self._couplings[0]]
         if self._origin is None:
             self._origin = at
         self._turned = abs(at - self._origin)
@@ -210,8 +279,10 @@ class FollowJoint(_Led):
         return f"{self.leader} is turned by {degrees(self._turned)}, waiting for {degrees(self.past)}"
 
 
-def _within(goal: float, limits: JointLimits) -> float:
-    return min(max(goal, limits.lower), limits.upper)
+def _felt(arm: Joints) -> dict[str, JointState]:
+    """Return the states of the joints that are heard of."""
+    readings = arm.states().items()
+    return {joint: reading.value for joint, reading in readings if reading.value is not None and reading.good}
 
 
 def _count(joints: Collection[str]) -> str:

@@ -72,8 +72,10 @@ class Robot:
 
     @property
     def reach(self) -> JointRanges:
-        """The arm's joints by name and group, and how far and fast they go."""
-        return JointRanges(self.arm.limits, self.groups)
+        """The arm's joints by name and group, and how far and fast they go; and those of its other arms."""
+        others = {name: other for name, other in self.others.items() if other.kind == "arm"}
+        arms = {name: JointRanges(other.part.limits, other.groups) for name, other in others.items()}
+        return JointRanges(self.arm.limits, self.groups, arms)
 
     @property
     def ranger(self) -> Ranger:
@@ -111,13 +113,19 @@ class Robot:
         return _there(self.ros2_part, "ros2")
 
     def of(self, named: Mapping[str, str]) -> "Robot":
-        """Return the robot as who means these parts sees it, each named by its kind: that one is its only one."""
+        """Return the robot as who means these parts sees it, each named by its kind: that one is its only one.
+
+        The first of the kind is then among the ``others``, by the name of its kind.
+        """
         robot = self
         for kind, name in named.items():
-            if name == kind:
+            if name == kind and name not in robot.others:
                 continue
-            other = self.others.get(name)
-            found: dict[str, Any] = {f"{KINDS[kind].field}_part": None if other is None else other.part}
+            part, other = f"{KINDS[kind].field}_part", robot.others.get(name)
+            first = Other(kind, getattr(robot, part), robot.groups if kind == "arm" else {})
+            found: dict[str, Any] = {part: None if other is None else other.part}
+            if first.part is not None:
+                found["others"] = {kind: first, **robot.others}
             if kind == "arm" and other is not None:
                 found["groups"] = other.groups
             robot = replace(robot, **found)

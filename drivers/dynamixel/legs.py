@@ -6,7 +6,7 @@ the way comes to rest by itself where that ends, and stays stiff.
 
 from math import inf, radians
 
-from drivers.dynamixel.following import FOLLOWING_TOLERANCE, RUN_IN
+from drivers.api.following import FOLLOWING_TOLERANCE, RUN_IN
 from drivers.dynamixel.joint import Joint
 
 AHEAD = 0.3

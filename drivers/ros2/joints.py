@@ -7,8 +7,8 @@ from threading import RLock
 
 from drivers.absence import Absence, Enabling
 from drivers.api import Away, Coupling, DeviceStatus, Health, JointLimits, JointState, Reading, Report, ignore
+from drivers.api.following import Following
 from drivers.clock import Clock
-from drivers.dynamixel.following import Following
 from drivers.dynamixel.refusals import check_couplings, check_move, check_names
 from drivers.errors import NotConnected
 from drivers.guard import guarded

@@ -60,10 +60,9 @@ def asked(robot: Robot, answers: Answers, permit: Permit = always) -> Robot:
 
 def robot_for(node: Node, robot: Robot, tell: Tell) -> Robot:
     """Return a ``robot`` that ``asked`` has made as ``node`` sees it: each command that it gives is told."""
-    robot = robot.of(getattr(node, "named_parts", {}))
     source = f"{node.name} ({node.key})" if node.name != node.kind else f"{node.kind} ({node.key})"
     told = {part: for_leaf(proxy, source, tell) for part, kind, proxy in _parts(robot) if commands_of(kind)}
-    return _with(robot, told)
+    return _with(robot, told).of(getattr(node, "named_parts", {}))
 
 
 def _parts(robot: Robot) -> Iterator[tuple[str, str, Any]]:

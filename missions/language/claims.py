@@ -66,7 +66,7 @@ def _claimant(step: Step, part: str) -> Step:
 def check_needs(notes: Notes, tree: Step, robot: Target) -> None:
     """Note every leaf that needs a part which the robot does not have, or names one of another kind."""
     for step in tree.walk():
-        named = {name: kind for kind, name in step.named_parts.items()}
+        named = {**step.parts_beside, **{name: kind for kind, name in step.named_parts.items()}}
         for part in sorted((step.own_needs - robot.parts).difference(named)):
             has = ", ".join(sorted(robot.parts)) or "nothing"
             notes.fault_at(step, f"'{step.kind}' needs {article(part)}; robot '{robot.name}' has none (it has {has})")
@@ -81,8 +81,7 @@ def check_needs(notes: Notes, tree: Step, robot: Target) -> None:
 def check_reach(notes: Notes, tree: Step, robot: Target) -> None:
     """Note what each leaf asks of the robot's joints that they cannot do, as far as its arguments are known now."""
     for step in tree.walk():
-        reach = robot.reaches.get(step.named_parts.get("arm", "arm"))
-        for misfit in () if reach is None else _misfits(step, reach):
+        for misfit in _misfits(step, robot.reaches):
             notes.fault_at(step, f"'{step.kind}' cannot be done by robot '{robot.name}': {misfit}")
 
 
@@ -92,14 +91,14 @@ def check_necks(notes: Notes, tree: Step, robot: Target) -> None:
     if reach is None:
         return
     for joint, head in robot.necks.items():
-        others = replace(reach, joints={name: each for name, each in reach.joints.items() if name != joint})
+        fewer = replace(reach, joints={name: each for name, each in reach.joints.items() if name != joint})
+        others = {**robot.reaches, "arm": fewer}
         for step in tree.walk():
             turning = [child for child in step.children if head in child.claims] if step.kind in AT_ONCE else []
             moving = [child for child in step.children if turning and "arm" in child.claims]
             for child, rival in ((child, rival) for child in moving for rival in turning if rival is not child):
                 for leaf in child.walk():
-                    led = "arm" not in leaf.named_parts
-                    if led and len(_misfits(leaf, others)) > len(_misfits(leaf, reach)):
+                    if len(_misfits(leaf, others)) > len(_misfits(leaf, robot.reaches)):
                         by = _claimant(rival, head)
                         notes.fault_at(
                             leaf,
@@ -109,12 +108,16 @@ def check_necks(notes: Notes, tree: Step, robot: Target) -> None:
                         )
 
 
-def _misfits(step: Step, reach: JointRanges) -> list[str]:
-    """Return what a leaf asks of joints that reach so far and cannot do it, as far as that is known now."""
+def _misfits(step: Step, reaches: Mapping[str, JointRanges]) -> list[str]:
+    """Return what a leaf asks of the joints of these arms that they cannot do, as far as that is known now."""
     known = all(value.template is None for value in step.arguments.values())
+    own = step.named_parts.get("arm", "arm")
+    meant = {own, *(name for name, kind in step.parts_beside.items() if kind == "arm")}
     if step.leaf is None or step.leaf.joint_violations is Leaf.joint_violations or not known:
         return []
+    if not meant <= reaches.keys():
+        return []  # that it is not there is told elsewhere
     leaf = step.leaf(step.name)
     for name, value in step.arguments.items():
         setattr(leaf, name, value.constant)
-    return leaf.joint_violations(reach)
+    return leaf.joint_violations(replace(reaches[own], arms=reaches))

@@ -99,6 +99,11 @@ class Step:
         return {} if self.leaf is None else self.leaf.named_parts
 
     @property
+    def parts_beside(self) -> Mapping[str, str]:
+        """The kinds of the parts that it names beside one of the same kind, by their names."""
+        return {} if self.leaf is None else self.leaf.parts_beside
+
+    @property
     def own_needs(self) -> frozenset[str]:
         """The parts that it needs itself, not those of what is below it."""
         known = frozenset(PART_OF_STATE[read.name] for read in self._reads if read.name in PART_OF_STATE)

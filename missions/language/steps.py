@@ -157,14 +157,19 @@ def _of_kind(notes: Notes, key: Scalar, value: Node | None, beside: Mapping, nam
 
 
 def _meaning(notes: Notes, leaf: type[Leaf], values: dict[str, Value], key: Scalar) -> type[Leaf]:
-    """Return the leaf, which means the parts that its arguments name, of those of which a robot may have several."""
-    for argument in leaf.arguments.values():
-        value = values.get(argument.name) if argument.kind in SEVERAL else None
+    """Return the leaf, which means the parts that its arguments name, of those of which a robot may have several.
+
+    Of several arguments of one kind the first says which it sees as its robot's only one.
+    """
+    of_parts = [argument for argument in leaf.arguments.values() if argument.kind in SEVERAL]
+    for place, argument in enumerate(of_parts):
+        beside = any(other.kind == argument.kind for other in of_parts[:place])
+        value = values.get(argument.name)
         if value is not None and value.template is not None:
             told = f"'{leaf.word}': which {argument.kind} it means must be known before the mission runs"
             notes.fault(key.mark, told, f"write the name of the {argument.kind} itself")
         if value is not None and isinstance(value.constant, str):
-            leaf = leaf.with_part(argument.kind, value.constant)
+            leaf = leaf.with_part(argument.kind, value.constant, beside=beside)
     return leaf
 
 

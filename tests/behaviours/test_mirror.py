@@ -4,10 +4,12 @@ import math
 from collections.abc import Mapping
 
 import pytest
+from py_trees.common import Status
 
 from behaviours.joint_motion import RUN_IN
 from behaviours.leaf import FAILURE, RUNNING
 from behaviours.mirror import LEADING_TOLERANCE, LIMP, FollowJoint, Mirror
+from behaviours.robot import Other, Robot
 from drivers.api import Coupling, JointLimits, JointState, Reading
 from missions.testing.recorders import GONE, HOLD, RELAX, Bench, none
 from tests.behaviours.servo_arm import TICK, ServoArm, moves, tick, with_servos
@@ -226,3 +228,124 @@ def test_joints_that_cannot_follow_are_told_of() -> None:
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == "'left_elbow' cannot both lead and follow"
     assert arm.commands == []
+
+
+# --- two arms --------------------------------------------------------------------------------------------------------
+
+
+class TwoArms:
+    """A robot whose first arm leads its ``right_arm``, which a mirror moves."""
+
+    def __init__(self, **arguments: object) -> None:
+        self.bench = Bench()
+        self.left = ServoArm(self.bench.clock, {name: JointLimits(-1.0, 1.0, speed=2.0) for name in ("elbow", "hand")})
+        self.right = ServoArm(
+            self.bench.clock,
+            {"elbow": JointLimits(-0.5, 0.5, speed=2.0), "hand": JointLimits(0.0, 4.0, speed=2.0)},
+        )
+        self.right.short = 0.0
+        robot = Robot(arm_part=self.left, others={"right_arm": Other("arm", self.right, {"all": ("elbow", "hand")})})
+        self.bench.robot = robot.of({"arm": "right_arm"})
+        self.leaf = self.bench.put(Mirror("mirror"), **{"on": "right_arm", "leader_arm": "arm", **arguments})
+
+    def tick(self, seconds: float) -> Status:
+        return tick(self.bench, self.leaf, seconds)
+
+    def at(self, joint: str = "elbow") -> float:
+        """Return where it stands."""
+        return self.right.shafts[joint].advance(self.bench.clock.now())
+
+
+def test_an_arm_leads_another_joint_by_joint_of_one_name() -> None:
+    arms = TwoArms()
+    assert arms.tick(1.0) is RUNNING
+    assert arms.left.commands == [(RELAX, "elbow", "hand")]
+    assert arms.leaf.reason == "elbow, hand follow"
+    arms.left.turn_by_hand("elbow", 0.06)
+    arms.tick(0.3)
+    assert arms.at() == pytest.approx(0.06, abs=0.01)
+    arms.left.turn_by_hand("elbow", 0.9)
+    arms.tick(1.0)
+    assert arms.at() == 0.5  # its limit
+    assert all("follow" not in str(command) for command in arms.right.commands)  # no driver has both
+
+
+def test_a_hand_that_moves_on_is_followed_evenly_and_soon() -> None:
+    arms = TwoArms()
+    arms.tick(1.0)
+    lags = []
+    for step in range(1, 61):
+        hand = 0.4 * math.sin(step * TICK * 2)
+        arms.left.turn_by_hand("elbow", hand)
+        arms.tick(TICK)
+        lags.append(abs(arms.at() - hand))
+    speeds = [each["elbow"] for each in arms.right.speeds[-60:]]
+    assert max(speeds) < 1.2  # 0.8 rad/s is the hand's own: no step is gone at the 2 rad/s that it may
+    assert max(lags) < 0.8 * 3 * TICK  # what the hand goes in three ticks
+
+
+def test_a_halt_leaves_both_arms_as_they_were() -> None:
+    arms = TwoArms()
+    arms.tick(1.0)
+    assert arms.bench.halt(arms.leaf)
+    assert arms.left.commands[-1] == (HOLD, "elbow", "hand")
+    assert arms.right.commands[-1] == (HOLD, "elbow", "hand")
+
+
+def test_a_leading_arm_that_falls_silent_leaves_the_other_where_it_is_and_brings_it_over_slowly_later() -> None:
+    arms = TwoArms()
+    arms.tick(1.0)
+    arms.left.silent = {"elbow"}
+    told = len(arms.right.commands)
+    assert arms.tick(1.0) is RUNNING
+    assert arms.leaf.reason == "waiting for arm.elbow to report"
+    assert len(arms.right.commands) == told
+    arms.left.silent = set()
+    arms.left.turn_by_hand("elbow", -0.5)
+    arms.tick(3 * TICK)
+    assert arms.right.speeds[-1]["elbow"] <= RUN_IN
+    arms.tick(2.0)
+    assert arms.at() == pytest.approx(-0.5, abs=0.01)
+
+
+def test_after_a_pause_the_leading_arm_is_limp_again() -> None:
+    arms = TwoArms()
+    arms.tick(1.0)
+    arms.left.hold()
+    arms.right.hold()
+    arms.bench.clock.advance(20.0)
+    arms.tick(2 * TICK)
+    assert arms.left.limp == {"elbow", "hand"}
+
+
+def test_a_gripper_goes_as_far_through_its_range_as_the_leaders() -> None:
+    arms = TwoArms(by_range=("hand",))
+    arms.left.turn_by_hand("hand", 0.5)
+    arms.tick(4.0)
+    assert arms.at("hand") == pytest.approx(3.0, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        ({"leader": ("all",)}, "the arm has no joint or group 'all'"),
+        ({"leader": ("elbow",), "follower": ("all",)}, "1 joint cannot lead 2 joints"),
+        ({"follower": ("elbow",), "by_range": ("hand",)}, "'hand' goes by its range, and does not follow"),
+        ({"leader_arm": None}, "it needs a leader and a follower, or a leader_arm that is another arm than it moves"),
+    ],
+)
+def test_two_arms_that_do_not_go_together_fail_it(arguments: dict[str, object], reason: str) -> None:
+    arms = TwoArms(**arguments)
+    assert arms.bench.tick(arms.leaf) is FAILURE
+    assert arms.leaf.reason == reason
+    assert (arms.left.commands, arms.right.commands) == ([], [])
+
+
+def test_a_joint_leads_one_of_the_same_name_in_another_arm() -> None:
+    arms = TwoArms()
+    given = {"leader": "hand", "follower": "hand", "on": "right_arm", "leader_arm": "arm"}
+    leaf = arms.bench.put(FollowJoint("follow_joint"), **given)
+    tick(arms.bench, leaf, 0.5)
+    arms.left.turn_by_hand("hand", 0.4)
+    tick(arms.bench, leaf, 2.0)
+    assert arms.at("hand") == pytest.approx(0.4, abs=0.01)

@@ -20,12 +20,12 @@ from threading import Event, Thread
 from types import MethodType
 from typing import Any
 
+from behaviours.mirroring import Mirroring
 from drivers.api import Coupling
 from drivers.clock import SystemClock
 from drivers.dynamixel.bus import At, Bus
 from drivers.dynamixel.driver import DynamixelJoints
 from drivers.dynamixel.joint import JointSpec
-from drivers.dynamixel.mirroring import Mirroring
 from drivers.dynamixel.models import MODELS
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.servo import VirtualServo

@@ -10,9 +10,9 @@ from typing import Literal
 import pytest
 
 from drivers.api import Away, Coupling, Joints, JointState, Quality
+from drivers.api.following import FOLLOWING_TOLERANCE, RUN_IN
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.driver import FRESH, DynamixelJoints
-from drivers.dynamixel.following import FOLLOWING_TOLERANCE, RUN_IN
 from drivers.dynamixel.joint import JointSpec
 from drivers.dynamixel.models import MODELS
 from drivers.dynamixel.units import Framing

@@ -9,10 +9,10 @@ from typing import Any, Literal
 import pytest
 
 from drivers.api import Away, Coupling, DeviceStatus
+from drivers.api.following import FOLLOWING_TOLERANCE, RUN_IN
 from drivers.clock import ManualClock
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.driver import DynamixelJoints
-from drivers.dynamixel.following import FOLLOWING_TOLERANCE, RUN_IN
 from drivers.dynamixel.joint import JointSpec
 from drivers.dynamixel.models import MODELS
 from drivers.dynamixel.wire import Instruction

@@ -5,10 +5,10 @@ from math import degrees, pi, radians, sin
 
 import pytest
 
+from behaviours.mirroring import Mirroring, by_range
 from drivers.api import Coupling
-from drivers.dynamixel.following import FOLLOWING_TOLERANCE, RUN_IN
+from drivers.api.following import FOLLOWING_TOLERANCE, RUN_IN
 from drivers.dynamixel.joint import JointSpec
-from drivers.dynamixel.mirroring import Mirroring, by_range
 from drivers.errors import BadRequest, NotConnected
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.servo import VirtualServo

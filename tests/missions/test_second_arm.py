@@ -134,6 +134,23 @@ SWEEP = "sweep: {joints: elbow, between: [0 deg, 9 deg], on: right_arm}"
             "shoulder at 60 deg is outside its limits (-30 deg to 30 deg)",
         ),
         ("move_joints: {to: {gripper: 9 deg}}", "the arm has no joint 'gripper'"),
+        ("mirror: {leader_arm: arm, on: right_arm, follower: gripper}", "the arm has no joint 'gripper'"),
+        (
+            "mirror: {leader_arm: rigth_arm}",
+            "3:3: 'mirror' needs a rigth_arm; robot 'pair' has none (its arms are arm, right_arm)",
+        ),
+        (
+            "parallel: [{mirror: {leader_arm: right_arm}}, {torque: {stiff: on, on: right_arm}}]",
+            "can both drive the right_arm at the same time",
+        ),
+        (
+            "parallel: [{mirror: {leader_arm: arm, on: right_arm}}, {torque: on}]",
+            "can both drive the arm at the same time",
+        ),
+        (
+            "sequence: [{set: {which: right_arm}}, {mirror: {leader_arm: '${which}'}}]",
+            "which arm it means must be known before the mission runs",
+        ),
         (
             "sequence: [{set: {which: right_arm}}, {torque: {stiff: on, on: '${which}'}}]",
             "which arm it means must be known before the mission runs",
@@ -175,6 +192,45 @@ def test_what_goes_wrong_with_one_arm_is_told_by_its_name(tmp_path: Path, capsys
     assert tested("right_arm unplugged at 0.3 s", "result: failure, ran: {move_joints: 2}").code == 0
     assert tested("arm unplugged when move_joints succeeds", whole).code == 0
     assert "the arm of 'pair' has no joint 'gripper'" in tested("arm overloaded gripper", whole).err
+
+
+MIRROR = """
+mission: both
+tree:
+  sequence:
+    - mirror: {leader_arm: arm, on: right_arm}
+      timeout: 4 s
+      on_failure: succeed
+    - joint_at: {joint: elbow, angle: 40 deg, on: right_arm}
+"""
+
+
+@pytest.mark.parametrize("leader", ["arm", "right_arm"])
+def test_one_arm_copies_the_other_that_is_moved_by_hand(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], leader: str
+) -> None:
+    follower = {"arm": "right_arm", "right_arm": "arm"}[leader]
+    text = f"{{leader_arm: {leader}, on: {follower}}}"
+    _, robot = written(tmp_path, MIRROR.replace("{leader_arm: arm, on: right_arm}", text))
+    suite = tmp_path / "both.test.yaml"
+    joint = {"arm": "elbow", "right_arm": "right_arm.elbow"}[follower]
+    case = (
+        f"{{case: it, robot: {robot}, given: [{leader} turned elbow to 40 deg at 1 s], "
+        f"expect: {{ran: {{mirror: 1}}, joints: {{{joint}: 40 deg}}}}}}"
+    )
+    suite.write_text(f"tests: both.yaml\ncases:\n  - {case}\n")
+    tested = command(capsys, "test", str(suite))
+    assert tested.code == 0, tested.out + tested.err
+
+
+def test_a_record_of_one_arm_that_copies_the_other_decides_the_same_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mission, robot = written(tmp_path, MIRROR.replace("40 deg", "0 deg"))
+    record = str(tmp_path / "both.mcap")
+    assert command(capsys, "run", mission, "--robot", robot, "--simulate", "fast", "--record", record).code == 0
+    again = command(capsys, "replay", record, "--rerun")
+    assert (again.code, "no difference" in again.out) == (0, True)
 
 
 @pytest.fixture

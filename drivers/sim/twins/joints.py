@@ -6,10 +6,10 @@ from math import inf
 from typing import Literal
 
 from drivers.api import Away, Coupling, Health, JointState, Quality, Reading, Report, ignore
+from drivers.api.following import Following
 from drivers.clock import Clock
 from drivers.dynamixel.commanded import CommandedJoints
 from drivers.dynamixel.driver import FRESH
-from drivers.dynamixel.following import Following
 from drivers.dynamixel.joint import Joint, JointSpec, check
 from drivers.dynamixel.legs import paced
 from drivers.dynamixel.refusals import check_couplings, check_move, check_names

@@ -7,9 +7,9 @@ from threading import Event
 
 import click
 
+from behaviours.mirroring import Mirroring, by_range
 from drivers.api import Coupling, JointLimits
 from drivers.dynamixel.driver import DynamixelJoints
-from drivers.dynamixel.mirroring import Mirroring, by_range
 from drivers.errors import NotConnected
 from missions.cli.numbers import Real
 from missions.cli.root import SUCCESS

@@ -1,9 +1,13 @@
 """One arm that copies another on a wire of its own: whoever turns it decides when, after the leader was read."""
 
 from collections.abc import Mapping, Sequence
+from math import inf
 
 from drivers.api import Coupling, JointLimits, Joints
-from drivers.dynamixel.following import Following
+from drivers.api.following import Following
+
+SLOWEST = 0.1
+"""rad/s: under load, slower orders do not move a small servo evenly."""
 
 
 def by_range(leader: str, here: JointLimits, follower: str, there: JointLimits) -> Coupling:
@@ -16,13 +20,14 @@ class Mirroring:
     """Sends the joints of ``follower`` where those of ``leader`` stand, as ``couplings`` say.
 
     Followers are brought over slowly at first, and after a pause. A leader that is not heard of leads nobody: its
-    followers come to rest by themselves. For one thread.
+    followers come to rest by themselves. Whoever turns it seldom gives each way ``time`` (s) to be gone, so that it is
+    gone evenly; else all go as fast as they may. For one thread.
     """
 
-    def __init__(self, leader: Joints, follower: Joints, couplings: Sequence[Coupling]) -> None:
+    def __init__(self, leader: Joints, follower: Joints, couplings: Sequence[Coupling], *, time: float = 0.0) -> None:
         self._leader = leader
         self._follower = follower
-        self._couplings = tuple(couplings)
+        self._time = time
         self._following = Following(couplings)
 
     def step(self, now: float) -> Mapping[str, float]:
@@ -30,9 +35,13 @@ class Mirroring:
         goals = self._following.goals(_places(self._leader))
         if not goals:
             return {}
-        limits = self._follower.limits
-        goals = {joint: min(max(goal, limits[joint].lower), limits[joint].upper) for joint, goal in goals.items()}
-        speeds = self._following.speeds(goals, _places(self._follower), now)
+        limits, at = self._follower.limits, _places(self._follower)
+        goals = {joint: limits[joint].clamp(goal) for joint, goal in goals.items()}
+        speeds = self._following.speeds(goals, at, now)
+        if self._time:
+            ways = {joint: abs(goal - at.get(joint, inf)) / self._time for joint, goal in goals.items()}
+            even = {joint: max(speed, SLOWEST) for joint, speed in ways.items()}
+            speeds = {joint: min(speeds.get(joint, inf), even[joint], limits[joint].speed) for joint in goals}
         return self._follower.move(goals, speeds=speeds)
 
     def pause(self) -> None:

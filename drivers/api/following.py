@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from math import inf, radians
 
-from drivers.api import Coupling
+from drivers.api.joints import Coupling
 
 RUN_IN = radians(50)
 """rad/s at most for a follower that is brought over to where it is led."""
