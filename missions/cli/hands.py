@@ -3,6 +3,7 @@
 from config.faults import one_of
 from config.robot import RobotConfig
 from config.units import in_dimension
+from drivers.api.joints import joint_called
 from drivers.dynamixel.declared import DynamixelKeys
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.make import joints
@@ -25,7 +26,7 @@ ON_JOINTS = {
 """What can be done to a servo, and what the words behind it are."""
 
 HELP = ON_JOINTS | {
-    "unplug": "[PART]: pull the plug of base, head or arm; of all that there are without a name",
+    "unplug": "[PART]: pull the plug of base, head, arm or another; of all that there are without a name",
     "plug": "[PART]: put it in again",
     "help": "this list",
 }
@@ -37,18 +38,20 @@ class Hands:
 
     def __init__(self, simulation: Simulation, robot: RobotConfig) -> None:
         self._simulation = simulation
-        arm, bus = robot.keys(DynamixelKeys), simulation.device(VirtualServoBus)
-        specs = {} if arm is None else joints(arm)
-        servos = () if bus is None else bus.servos  # one a joint, whatever ID it has by now
-        told = (Joint(name, spec, MODELS[spec.model]) for name, spec in specs.items())
-        self._joints = {joint.name: (joint, servo) for joint, servo in zip(told, servos, strict=True)}
+        self._joints: dict[str, tuple[str, Joint, VirtualServo]] = {}
+        for part, plugged in simulation.parts.items():
+            keys = robot.sections[part].keys
+            if isinstance(keys, DynamixelKeys) and isinstance(plugged.device, VirtualServoBus):
+                told = (Joint(name, spec, MODELS[spec.model]) for name, spec in joints(keys).items())
+                for joint, servo in zip(told, plugged.device.servos, strict=True):  # whatever ID it has by now
+                    self._joints[joint_called(part, joint.name)] = part, joint, servo
 
     def do(self, line: str) -> str:
         """Do what ``line`` says; return what to tell of it. Raises ValueError for words that make no sense."""
         verb, *rest = line.split()
         if verb in ON_JOINTS:
-            joint, servo = self._joint(rest[0] if rest else "")
-            self._simulation.terminals["arm"].ask(lambda: touch(verb, joint, servo, " ".join(rest[1:])))
+            part, joint, servo = self._joint(rest[0] if rest else "")
+            self._simulation.terminals[part].ask(lambda: touch(verb, joint, servo, " ".join(rest[1:])))
         elif verb in ("plug", "unplug"):
             for terminal in self._terminals(" ".join(rest)):
                 terminal.unplug() if verb == "unplug" else terminal.replug()
@@ -58,7 +61,7 @@ class Hands:
             raise ValueError(f"unknown command '{verb}'; {one_of(verb, HELP)}")
         return " ".join((verb, *rest))
 
-    def _joint(self, name: str) -> tuple[Joint, VirtualServo]:
+    def _joint(self, name: str) -> tuple[str, Joint, VirtualServo]:
         if name not in self._joints:
             raise ValueError(f"no joint '{name}'; {one_of(name, self._joints) or 'this robot has none'}")
         return self._joints[name]

@@ -17,7 +17,7 @@ from drivers.arduino.vigil import Life
 from drivers.dynamixel.declared import NeckJointKeys
 from drivers.pantilt import AHEAD
 from missions.assembly.lags import ENOUGH
-from missions.cli.head_bench import Bench, opened, pause, robot_options
+from missions.cli.head_bench import HEAD, Bench, head_option, opened, pause, robot_options
 from missions.cli.keys import Keys
 from missions.cli.numbers import Real
 from missions.cli.root import FAILURE, SUCCESS
@@ -52,28 +52,31 @@ def command() -> None:
 
 @command.command(epilog="Example: mission head look --pan 30 --tilt -10")
 @robot_options
+@head_option
 @click.option("--pan", type=Real(), default=0.0, metavar="DEG", help="Positive is to the left.")
 @click.option("--tilt", type=Real(), default=0.0, metavar="DEG", help="Positive is down.")
-def look(robot: str | None, simulate: bool, port: str | None, pan: float, tilt: float) -> int:
+def look(robot: str | None, simulate: bool, port: str | None, head: str, pan: float, tilt: float) -> int:
     """Look somewhere, and wait until the head does."""
-    with opened(robot, simulate=simulate, port=port) as bench:
+    with opened(robot, simulate=simulate, port=port, head=head) as bench:
         return bench.look(HeadPose(radians(pan), radians(tilt)))
 
 
 @command.command(epilog="Example: mission head center --robot turtlebot2_arm")
 @robot_options
-def center(robot: str | None, simulate: bool, port: str | None) -> int:
+@head_option
+def center(robot: str | None, simulate: bool, port: str | None, head: str) -> int:
     """Look straight ahead: the time to see whether the head is mounted askew."""
-    with opened(robot, simulate=simulate, port=port) as bench:
+    with opened(robot, simulate=simulate, port=port, head=head) as bench:
         return bench.look(AHEAD)
 
 
 @command.command(epilog="Example: mission head where --json")
 @robot_options
+@head_option
 @click.option("--json", "as_json", is_flag=True, help="As one line of JSON; angles in degrees, wheels in rad/s.")
-def where(robot: str | None, simulate: bool, port: str | None, as_json: bool) -> int:
+def where(robot: str | None, simulate: bool, port: str | None, head: str, as_json: bool) -> int:
     """Say where the head looks, how far it turns, and how it is trimmed. Turns nothing."""
-    with opened(robot, simulate=simulate, port=port, stay=True) as bench:
+    with opened(robot, simulate=simulate, port=port, head=head, stay=True) as bench:
         if isinstance(bench.head, ArduinoHead) and (began := STARTED.get(bench.head.board.began or Life.FORGOTTEN)):
             click.echo(began, err=True)
         axes = bench.where()
@@ -92,10 +95,13 @@ def where(robot: str | None, simulate: bool, port: str | None, as_json: bool) ->
 
 @command.command(epilog="Example: mission head trim --robot my_robot.yaml --pan 4 --tilt -2 --keep")
 @robot_options
+@head_option
 @click.option("--pan", type=Real(), metavar="DEG", help="The trim of the pan servo, -45 to 45, in its own direction.")
 @click.option("--tilt", type=Real(), metavar="DEG", help="The trim of the tilt servo.")
 @click.option("--keep", is_flag=True, help="Write the trims into the robot file; nothing else in it is changed.")
-def trim(robot: str | None, simulate: bool, port: str | None, pan: float | None, tilt: float | None, keep: bool) -> int:
+def trim(
+    robot: str | None, simulate: bool, port: str | None, head: str, pan: float | None, tilt: float | None, keep: bool
+) -> int:
     """Put the head straight: with the arrow keys while it looks ahead, or by --pan and --tilt.
 
     Enter ends it, q puts everything back.
@@ -103,18 +109,18 @@ def trim(robot: str | None, simulate: bool, port: str | None, pan: float | None,
     by_hand = pan is None and tilt is None
     if by_hand and not sys.stdin.isatty():
         raise click.UsageError("the arrow keys need a terminal; give --pan DEG and --tilt DEG instead")
-    path = find("robots", robot or DEFAULT_ROBOT)
+    path, again = find("robots", robot or DEFAULT_ROBOT), AGAIN + ("" if head == HEAD else f" --head {head}")
     try:
         if keep:
-            check_keepable(path, AGAIN)
-        with opened(robot, simulate=simulate, port=port) as bench:
+            check_keepable(path, again)
+        with opened(robot, simulate=simulate, port=port, head=head) as bench:
             trims = _by_hand(bench) if by_hand else _set(bench, pan, tilt)
         if trims is None:
             click.echo("nothing was changed")
             return FAILURE
         words = ", ".join(f"{axis} {degrees(value):+g} deg" for axis, value in zip(("pan", "tilt"), trims, strict=True))
-        values = {f"head.{axis}.trim": value for axis, value in zip(("pan", "tilt"), trims, strict=True)}
-        changes = keep_values(path, values, AGAIN) if keep else []
+        values = {f"{head}.{axis}.trim": value for axis, value in zip(("pan", "tilt"), trims, strict=True)}
+        changes = keep_values(path, values, again) if keep else []
     except NotEditableError as error:
         raise click.UsageError(str(error)) from error
     kept = f"; written into {path}" if changes else "; the file has them already" if keep else "; --keep writes them"

@@ -10,11 +10,12 @@ from typing import Any
 import click
 
 from behaviours.head import Arrival, shown
+from config.faults import one_of
 from config.library import find
 from config.robot import RobotConfig
 from config.world import load_world
 from drivers.api import DeviceStatus, Head, HeadPose, ignore
-from drivers.api.sections import Wired
+from drivers.api.sections import HeadKeys, Wired
 from drivers.arduino.declared import TwoServoKeys
 from drivers.clock import Clock
 from drivers.dynamixel.declared import NeckKeys
@@ -31,6 +32,9 @@ from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
 from missions.order import DEFAULT_ROBOT
 from missions.studio.holders import holding
+
+HEAD = "head"
+"""The name of a head that has none of its own: the one that carries the camera."""
 
 PAUSE = 0.02
 """Seconds between two looks at the head."""
@@ -53,6 +57,20 @@ def robot_options(command: Any) -> Any:
     return command
 
 
+head_option = click.option("--head", default=HEAD, metavar="NAME", help="Which head, of a robot that has several.")
+"""Adds ``--head`` to a command."""
+
+
+def keys_of_head(config: RobotConfig, head: str) -> HeadKeys:
+    """Return what a robot file says of a head. Raises click.UsageError, with the heads that there are."""
+    heads = {part: it.keys for part, it in config.sections.items() if isinstance(it.keys, HeadKeys)}
+    if head in heads:
+        return heads[head]
+    if not heads:
+        raise click.UsageError(f"{config.name} has no head")
+    raise click.UsageError(f"{config.name} has no {head}; --head: {one_of(head, heads)}")
+
+
 @dataclass(frozen=True, slots=True)
 class Bench:
     """A head that is open and there."""
@@ -62,6 +80,7 @@ class Bench:
     config: TwoServoKeys | NeckKeys
     clock: Clock
     lags: Lags | None = None
+    name: str = HEAD
 
     def look(self, target: HeadPose) -> int:
         """Look there, wait until the head does, and say it; return the exit code."""
@@ -90,7 +109,7 @@ class Bench:
             figures = {"from": ends[0], "to": ends[1], "trim": trims[number]}
             if pose is not None:
                 figures["angle"] = (pose.pan, pose.tilt)[number]
-            found[axis.joint or f"head_{('pan', 'tilt')[number]}"] = {
+            found[axis.joint or f"{self.name}_{('pan', 'tilt')[number]}"] = {
                 name: round(degrees(value), 2) + 0.0 for name, value in figures.items()
             }
         return found
@@ -98,50 +117,56 @@ class Bench:
 
 @contextmanager
 def opened(
-    name: str | None, *, simulate: bool, port: str | None, stay: bool = False, camera: bool = False
+    name: str | None, *, simulate: bool, port: str | None, head: str = HEAD, stay: bool = False, camera: bool = False
 ) -> Iterator[Bench]:
-    """Open the head of a robot, with its ``camera`` if wanted, and wait until it is there; close it whatever comes.
+    """Open a head of a robot, with the ``camera`` if wanted, and wait until it is there; close it whatever comes.
 
     It goes to its start first, unless it is to ``stay``.
     Raises NotConnected, with what is missing, after ``CONNECT_TIME``.
     """
     config = load_robot(find("robots", name or DEFAULT_ROBOT))
-    if config.head is None:
-        raise click.UsageError(f"{config.name} has no head")
+    keys = keys_of_head(config, head)
     virtual = simulate or name is None
     if virtual and port is not None:
         raise click.UsageError("--port names a real port, which is used only with --robot NAME and without --simulate")
-    part = "head" if isinstance(config.head, Wired) else "arm"
+    carriers = config.sections[head].driver.needs
+    part = head if isinstance(keys, Wired) or not carriers else carriers[0]  # on whose board, or bus, it is
     ports = {} if port is None else {part: port}
-    with opened_head(config, ports, virtual=virtual, stay=stay, camera=camera) as bench:
+    with opened_head(config, ports, head=head, virtual=virtual, stay=stay, camera=camera) as bench:
         yield bench
 
 
 @contextmanager
 def opened_head(
-    config: RobotConfig, ports: Mapping[str, str], *, virtual: bool = False, stay: bool = False, camera: bool = False
+    config: RobotConfig,
+    ports: Mapping[str, str],
+    *,
+    head: str = HEAD,
+    virtual: bool = False,
+    stay: bool = False,
+    camera: bool = False,
 ) -> Iterator[Bench]:
-    """Open the head of a robot that has one, with ``ports`` instead of those of its file; see ``opened``."""
-    keys = config.head
+    """Open a head that a robot has, with ``ports`` instead of those of its file; see ``opened``."""
+    keys = keys_of_head(config, head)
     wishes = Overrides(
         world=load_world(find("worlds", "empty")) if virtual else None, ports=ports, interests=Interests(faces=False)
     )
     clock = wishes.clock()
     audience = Hooks(ignore if stay else _warned, ignore, click.echo, ignore, ignore)
-    robot = assemble(config, frozenset({"head", "camera"} if camera else {"head"}), clock, wishes, audience)
-    head, trimmer = robot.robot.head, robot.devices["head"]
+    robot = assemble(config, frozenset({head, "camera"} if camera else {head}), clock, wishes, audience)
+    turned, trimmer = robot.robot.of({HEAD: head}).head, robot.devices[head]
     if not isinstance(trimmer, Trimmable) or not isinstance(keys, TwoServoKeys | NeckKeys):
-        raise click.UsageError(f"the head of {config.name} cannot be trimmed")
+        raise click.UsageError(f"the {head} of {config.name} cannot be trimmed")
     if stay:
         trimmer.stay()
     with interruptible(), holding(config.name, simulated=virtual), closing(robot):
         robot.open()
-        while not (head.health().online and head.pose().good):
+        while not (turned.health().online and turned.pose().good):
             if clock.now() > CONNECT_TIME:
-                health = head.health()
+                health = turned.health()
                 raise NotConnected(health.detail, hint=health.hint)
             pause()
-        yield Bench(head, trimmer, keys, clock, None if robot.eyes is None else robot.lags)
+        yield Bench(turned, trimmer, keys, clock, None if robot.eyes is None else robot.lags, head)
 
 
 def _warned(notice: DeviceStatus) -> None:

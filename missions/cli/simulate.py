@@ -76,9 +76,9 @@ def command(robot: str | None, period: float | None, world: str | None, listen: 
         signal.signal(number, lambda got, _: ending.append(got))
     signal.signal(signal.SIGTTIN, signal.SIG_IGN)  # in the background, nothing can be typed; that is no reason to stop
     simulation = Simulation(config, config.parts, clock, world=around, listen=listen or "")
-    servos = simulation.device(VirtualServoBus)
-    if servos is not None:
-        servos.paced = paced
+    for plugged in simulation.parts.values():
+        if isinstance(plugged.device, VirtualServoBus):
+            plugged.device.paced = paced
     try:
         simulation.open()
         click.echo(json.dumps({"robot": config.name, "ports": simulation.ports}))

@@ -18,6 +18,7 @@ from drivers.errors import NotConnected
 from missions.assembly.assemble import assemble
 from missions.assembly.assembled import CONNECT_TIME
 from missions.assembly.together import Hooks, Overrides
+from missions.cli.head_bench import HEAD, head_option, keys_of_head
 from missions.cli.heeded import heeded
 from missions.cli.keys import Keys, interruptible
 from missions.cli.names import ROBOT, WORLD
@@ -50,6 +51,7 @@ def _share(ctx: click.Context, option: click.Parameter, value: str) -> float:
 @click.option("--simulate", is_flag=True, help="Drive a virtual robot, even with --robot.")
 @click.option("--world", type=WORLD, help="What a simulated robot stands in (a name or a file).")
 @click.option("--port", metavar="PATH", help="Where the base is plugged in, instead of what the file says.")
+@head_option
 @click.option(
     "--speed",
     "pace",
@@ -68,7 +70,7 @@ def _share(ctx: click.Context, option: click.Parameter, value: str) -> float:
     help="Drive with a game pad: the first that is there, or the one at /dev/input/event...",
 )
 def command(
-    robot: str | None, simulate: bool, world: str | None, port: str | None, pace: float, node: str | None
+    robot: str | None, simulate: bool, world: str | None, port: str | None, head: str, pace: float, node: str | None
 ) -> int:
     """Drive a robot by hand: hold a key to drive, let go to stop. Works over SSH.
 
@@ -94,28 +96,30 @@ def command(
         if node is not None:
             held = open_things.enter_context(closing(pad.pad_at(node, clock)))
             held.open()
-        base, head = open_things.enter_context(_opened(robot, wishes, clock))
+        base, turned = open_things.enter_context(_opened(robot, head, wishes, clock))
         click.echo(keymap.HELP if held is None else pad.HELP)
         typed: Callable[[float], str] = _pause
         if sys.stdin.isatty():
             if sys.stdout.isatty():
                 open_things.callback(click.echo)  # below the line to be seen
             typed = open_things.enter_context(Keys(sys.stdin.fileno())).read
-        drive_by_hand(Pilot(base, head, pace=pace), typed, held, clock, _shower(clock))
+        drive_by_hand(Pilot(base, turned, pace=pace), typed, held, clock, _shower(clock))
     return SUCCESS
 
 
 @contextmanager
-def _opened(name: str | None, wishes: Overrides, clock: Clock) -> Iterator[tuple[Base, Head | None]]:
-    """Open the base of a robot, and the head, if it has one, and wait for the base; in the end close them.
+def _opened(name: str | None, head: str, wishes: Overrides, clock: Clock) -> Iterator[tuple[Base, Head | None]]:
+    """Open the base of a robot, and its ``head``, if it has one, and wait for the base; in the end close them.
 
     Raises NotConnected, with what is missing, after ``CONNECT_TIME``.
     """
     config = load_robot(find("robots", name or DEFAULT_ROBOT))
     if config.base is None:
         raise click.UsageError(f"{config.name} has no base")
+    if head != HEAD:
+        keys_of_head(config, head)
     audience = Hooks(ignore, ignore, click.echo, ignore, ignore)
-    robot = assemble(config, frozenset({"base", "head"}), clock, wishes, audience)
+    robot = assemble(config, frozenset({"base", head}), clock, wishes, audience)
     base = robot.robot.base
     with holding(config.name, simulated=wishes.world is not None):
         try:
@@ -125,7 +129,7 @@ def _opened(name: str | None, wishes: Overrides, clock: Clock) -> Iterator[tuple
                 if clock.now() - begun > CONNECT_TIME:
                     raise NotConnected(health.detail, hint=health.hint)
                 _pause(0.02)
-            yield base, robot.robot.head_part
+            yield base, robot.robot.of({HEAD: head}).head_part
         finally:
             for problem in robot.close():
                 click.echo(problem, err=True)

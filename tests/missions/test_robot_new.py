@@ -365,8 +365,8 @@ def test_a_head_on_i2c_that_turns_the_other_way_is_flipped_and_put_straight(
     looked: list[HeadPose] = []
 
     @contextmanager
-    def opened_head(config: RobotConfig, ports: Mapping[str, str]) -> Iterator[SimpleNamespace]:
-        assert (config.name, ports) == ("beep", {})
+    def opened_head(config: RobotConfig, ports: Mapping[str, str], *, head: str) -> Iterator[SimpleNamespace]:
+        assert (config.name, ports, head) == ("beep", {}, "head")
         yield SimpleNamespace(look=looked.append)
 
     monkeypatch.setattr("missions.cli.robot.trying.opened_head", opened_head)
@@ -400,18 +400,21 @@ def test_of_two_bases_that_answer_one_is_chosen(bench: Workbench, capsys: pytest
 
 
 @pytest.mark.real_time
-def test_one_more_head_gets_a_name_of_its_own(bench: Workbench) -> None:
+def test_one_more_head_gets_a_name_of_its_own_and_is_tried_by_it(bench: Workbench) -> None:
     nano, mast = VirtualRodney(starts=ATTACHED), VirtualRodney(starts=ATTACHED)
     bench.plug("ttyUSB0", nano, "1a86:7523", "one")
     bench.plug("ttyUSB1", mast, "1a86:7523", "two")
     servos = {"pan servo": "0", "tilt servo": "1"}
     names = {"one more head": "lidar_mast", "ask /dev": "y"}
-    bench.session(Person({"robot called": "kit", r"like\?": "none", **names, **servos}))
+    tried = {"may the lidar_mast move": "y", "did it turn to ITS left": "n"}
+    bench.session(Person({"robot called": "kit", r"like\?": "none", **names, **servos, **tried}))
     config = load_robot(find("robots", "kit"))
     assert config.sections["head"].keys.port == "/dev/serial/by-id/usb-one"
     assert config.sections["lidar_mast"].driver.kind == "head"
     assert config.sections["lidar_mast"].keys.port == "/dev/serial/by-id/usb-two"
-    assert nano.commands == mast.commands == []
+    assert nano.commands == []
+    assert mast.commands
+    assert [config.sections[name].keys.pan.flip for name in ("head", "lidar_mast")] == [False, True]
     assert "kit_lidar_mast" in (config_folder() / "robots/kit.rules").read_text()
 
 

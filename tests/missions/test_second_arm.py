@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from math import degrees, radians
 from pathlib import Path
 from threading import Thread
+from typing import Any
 
 import pytest
 
@@ -11,14 +12,17 @@ from behaviours.catalogue import LEAVES
 from behaviours.robot import Other, Robot
 from config.faults import InvalidFileError, Source
 from config.robot import RobotConfig
+from drivers.clock import SystemClock
 from drivers.errors import DeviceFault
 from missions.assembly.assembled import Assembled
+from missions.assembly.simulation import Simulation
 from missions.cli.doctor.moving import trials
+from missions.cli.hands import Hands
 from missions.executive.answers import Answers
 from missions.executive.asked import asked
 from missions.executive.events import CommandSent, Event
 from missions.executive.stop_latch import StopLatch
-from missions.library.drivers import robot_of
+from missions.library.drivers import load_robot, robot_of
 from missions.order import RunRequest
 from missions.runner import Runner
 from missions.testing.recorders import HOLD, Bench, RecordedJoints
@@ -110,6 +114,13 @@ def test_all_leaves_that_have_to_do_with_an_arm_alone_say_which() -> None:
     assert "gesture" in of_arms
     assert [word for word, arguments in of_arms.items() if "on" not in arguments] == []
 
+
+ROS = """
+wing_controller:
+  controller: {package: dynamixel_controllers, module: joint_position_controller, type: JointPositionController}
+  joint_name: wing
+  motor: {id: 11, init: 512, min: 205, max: 819}
+"""
 
 SWEEP = "sweep: {joints: elbow, between: [0 deg, 9 deg], on: right_arm}"
 
@@ -301,3 +312,36 @@ def test_the_servos_of_the_second_arm_are_moved_by_its_name(tmp_path: Path, caps
     assert (wrong.code, "pair has no rigth_arm; --arm: did you mean 'right_arm'?" in wrong.err) == (2, True)
     found = command(capsys, "servo", "scan", "--ids", "1-4", "--robot", robot, "--simulate", "--arm", "right_arm")
     assert (found.code, "gripper" in found.out) == (0, True), found.out + found.err
+
+
+def test_joints_of_a_ros_file_go_to_the_arm_that_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, robot = written(tmp_path)
+    ros = tmp_path / "ros.yaml"
+    ros.write_text(ROS)
+    wrong = command(capsys, "servo", "import", str(ros), "--model", "AX-12A", "--into", robot, "--arm", "rigth_arm")
+    assert (wrong.code, "pair has no rigth_arm; --arm: did you mean 'right_arm'?" in wrong.err) == (2, True), wrong.err
+    (tmp_path / "pair.yaml").write_text(
+        (ARMS + RIGHT).replace("driver: feetech", "driver: dynamixel").replace("id:", "model: AX-12A, id:")
+    )
+    added = command(capsys, "servo", "import", str(ros), "--into", robot, "--arm", "right_arm")
+    assert added.code == 0, added.err
+    config = load_robot(tmp_path / "pair.yaml")
+    assert list(config.sections["right_arm"].keys.joints) == ["wing", "shoulder", "elbow", "gripper"]
+    assert list(config.sections["arm"].keys.joints) == ["shoulder", "elbow"]
+    told = command(capsys, "servo", "import", str(ros), "--arm", "left_arm")
+    assert robot_of(Source("new.yaml", told.out)).others == {"left_arm": "arm"}
+
+
+def test_what_is_typed_at_a_simulation_turns_the_joints_of_either_arm() -> None:
+    config = pair()
+    simulation = Simulation(config, frozenset({"arm", "right_arm"}), SystemClock())
+    simulation.open()
+    try:
+        hands = Hands(simulation, config)
+        hands.do("turn right_arm.elbow 30 deg")
+        hands.do("turn elbow -20 deg")
+        chains: dict[str, Any] = {part: simulation.parts[part].device for part in ("arm", "right_arm")}
+        angles = {part: chain.servo(2).angle for part, chain in chains.items()}
+    finally:
+        simulation.close()
+    assert angles == pytest.approx({"arm": radians(-20), "right_arm": radians(30)}, abs=0.01)

@@ -3,20 +3,26 @@
 from math import radians
 from pathlib import Path
 
+import click
 import pytest
 
 from behaviours.robot import Other, Robot
 from config.faults import InvalidFileError, Source
 from config.library import find
 from config.robot import RobotConfig
+from config.world import load_world
 from drivers.api.driver import Site
 from drivers.arduino.declared import SecondKeys
 from drivers.arduino.driver import ArduinoHead
 from drivers.arduino.make import make, second
 from drivers.clock import ManualClock
 from missions.assembly.assembled import Assembled
+from missions.assembly.together import Overrides
+from missions.cli.doctor.moving import trials
+from missions.cli.teleop import _opened as teleop_opened
+from missions.cli.teleop import command as teleop
 from missions.executive.events import CommandSent, Event
-from missions.library.drivers import robot_of
+from missions.library.drivers import load_robot, robot_of
 from missions.order import RunRequest
 from missions.runner import Runner
 from missions.testing.recorders import STOP, Bench, RecordedHead
@@ -150,6 +156,52 @@ def test_the_checker_knows_which_head_a_leaf_drives(
     checked = command(capsys, "check", str(mission), "--robot", str(robot))
     assert checked.code == 2
     assert told in checked.out + checked.err
+
+
+@pytest.mark.real_time
+def test_it_is_looked_with_and_trimmed_by_its_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, robot = written(tmp_path)
+    of_mast = ("--robot", str(robot), "--simulate", "--head", "lidar_mast")
+    looked = command(capsys, "head", "look", *of_mast, "--pan", "100")
+    assert (looked.code, looked.out) == (0, "looks at +60, +0 deg, the limit for +100, +0 deg\n")
+    trimmed = command(capsys, "head", "trim", *of_mast, "--pan", "3", "--keep")
+    assert trimmed.code == 0, trimmed.err
+    config = load_robot(robot)
+    assert config.sections["lidar_mast"].keys.pan.trim == pytest.approx(radians(3))
+    assert config.sections["head"].keys == masted().sections["head"].keys
+
+
+@pytest.mark.parametrize("words", [("head", "center"), ("head", "where"), ("head", "trim", "--pan", "1")])
+def test_who_misspells_it_is_told_the_heads_that_there_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    _, robot = written(tmp_path)
+    told = command(capsys, *words, "--robot", str(robot), "--simulate", "--head", "lidar_mats")
+    assert (told.code, "masted has no lidar_mats; --head: did you mean 'lidar_mast'?" in told.err) == (2, True), (
+        told.err
+    )
+
+
+@pytest.mark.real_time
+def test_the_arrows_of_teleop_turn_the_head_that_is_named(tmp_path: Path) -> None:
+    _, robot = written(tmp_path)
+    wishes = Overrides(world=load_world(find("worlds", "empty")))
+    with (
+        click.Context(teleop, info_name="teleop"),
+        teleop_opened(str(robot), "lidar_mast", wishes, wishes.clock()) as (_, head),
+    ):
+        assert head is not None
+        assert head.limits.pan == pytest.approx((-radians(60), radians(60)))
+    with (
+        pytest.raises(click.UsageError, match="did you mean 'lidar_mast'"),
+        teleop_opened(str(robot), "lidar_mats", wishes, wishes.clock()),
+    ):
+        pass
+
+
+def test_doctor_says_how_it_is_trimmed() -> None:
+    (trial,) = trials("lidar_mast", masted().sections["lidar_mast"])
+    assert "mission head trim --robot ROBOT --head lidar_mast" in trial.cure
 
 
 def test_a_stop_reaches_it_by_its_name() -> None:

@@ -56,7 +56,7 @@ def tried(
 def trials(part: str, section: Section) -> Iterator[Trial]:
     """Yield what there is to try of a part."""
     kind = section.driver.kind
-    of, which = ("", "") if part == kind else (f", on: {part}", f" --arm {part}")
+    of, which = ("", "") if part == kind else (f", on: {part}", f" --{kind} {part}")
     if kind == "base":
         does = "it turns by 10 degrees to its left, and back; the floor around it must be free"
         cure = "look whether the plugs of its wheels or motors are swapped"
@@ -66,6 +66,7 @@ def trials(part: str, section: Section) -> Iterator[Trial]:
         steps = tuple(f"look: {{pan: {pan} deg, tilt: {tilt} deg{of}}}" for pan, tilt in poses)
         does = "it looks straight ahead, a little to its left, and a little up"
         cure = "in the robot file, turn the axis round that went wrong; askew: mission head trim --robot ROBOT"
+        cure = cure.replace("ROBOT", f"ROBOT{which}")
         yield Trial("looking", does, steps, "Did it look ahead, then to its left, then up?", cure)
     elif kind == "arm" and isinstance(section.keys, ArmKeys):
         cure = "mission servo scan --robot ROBOT  (has it the ID of another joint?)"

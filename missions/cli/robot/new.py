@@ -145,10 +145,12 @@ def _tried(talk: Dialogue, machine: Machine, parts: Mapping[str, Part], config: 
         for name, part in parts.items():
             if part.driver.kind == "arm" and name in paths:
                 find_limits(talk, name, part, config, paths[name], patience=max(patience, 0.004))
-        if "head" in parts:
-            needs = parts["head"].driver.needs or ("head",)
-            there = machine.at(f"/dev/i2c-{getattr(config.head, 'bus', '')}").exists()
-            try_head(talk, parts, config, {kind: path for kind, path in paths.items() if kind in needs}, there=there)
+        for name, part in parts.items():
+            if part.driver.kind == "head":
+                needs = part.driver.needs or (name,)
+                there = machine.at(f"/dev/i2c-{getattr(config.sections[name].keys, 'bus', '')}").exists()
+                reached = {kind: path for kind, path in paths.items() if kind in needs}
+                try_head(talk, parts, config, reached, name=name, there=there)
     except DriverError as error:
         talk.tell(f"{error}", f"  try: {error.hint}" if error.hint else "  left out")
     camera = config.sections.get("camera")

@@ -12,7 +12,7 @@ from drivers.arduino.declared import TwoServoKeys
 from drivers.clock import SystemClock
 from drivers.dynamixel.declared import NeckKeys
 from drivers.errors import DriverError
-from missions.cli.head_bench import opened_head
+from missions.cli.head_bench import HEAD, opened_head
 from missions.cli.robot.dialogue import Dialogue
 from missions.cli.robot.parts import Part
 
@@ -21,29 +21,34 @@ STEP = radians(5)
 
 
 def try_head(
-    talk: Dialogue, parts: Mapping[str, Part], config: RobotConfig, ports: Mapping[str, str], *, there: bool = False
+    talk: Dialogue,
+    parts: Mapping[str, Part],
+    config: RobotConfig,
+    ports: Mapping[str, str],
+    *,
+    name: str = HEAD,
+    there: bool = False,
 ) -> None:
-    """Move the head by 5 degrees, where the user wants it, to find out which way is left and how it is trimmed.
+    """Move the head of this ``name`` by 5 degrees, where the user wants it, to find out which way is left and its trim.
 
     It is moved where its ports were found, or where it is ``there`` without one, as on I2C.
     """
-    head = parts["head"]
-    if not isinstance(config.head, TwoServoKeys | NeckKeys):
+    if not isinstance(config.sections[name].keys, TwoServoKeys | NeckKeys):
         return
-    if not talk.knows("head tried"):
+    if not talk.knows(f"{name} tried"):
         talk.forget("tried ")
-        question = "may the head move by 5 degrees, to see which way is left? hands off"
-        if not (ports or there) or not talk.consent("head moves", question):
+        question = f"may the {name} move by 5 degrees, to see which way is left? hands off"
+        if not (ports or there) or not talk.consent(f"{name} moves", question):
             return
-    answers = talk.measured("head tried", lambda: _tried(talk, config, ports))
+    answers = talk.measured(f"{name} tried", lambda: _tried(talk, config, ports, name))
     for axis in ("pan", "tilt"):
-        _correct(parts, head, axis, turned=answers[f"{axis} turned"], trim=answers[f"{axis} trim"])
+        _correct(parts, parts[name], axis, turned=answers[f"{axis} turned"], trim=answers[f"{axis} trim"])
 
 
-def _tried(talk: Dialogue, config: RobotConfig, ports: Mapping[str, str]) -> dict[str, Any]:
-    """Move the head and ask; return for each axis whether it turned the other way, and by how much it is askew."""
+def _tried(talk: Dialogue, config: RobotConfig, ports: Mapping[str, str], name: str) -> dict[str, Any]:
+    """Move a head and ask; return for each axis whether it turned the other way, and by how much it is askew."""
     found: dict[str, Any] = {}
-    with opened_head(config, ports) as bench:
+    with opened_head(config, ports, head=name) as bench:
         bench.look(HeadPose(0.0, 0.0))
         for axis, way, pose in (("pan", "to ITS left", HeadPose(STEP, 0.0)), ("tilt", "down", HeadPose(0.0, STEP))):
             bench.look(pose)

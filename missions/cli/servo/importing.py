@@ -14,7 +14,7 @@ from missions.cli.numbers import Whole
 from missions.cli.root import SUCCESS
 from missions.cli.servo.ranges import arm_of
 from missions.cli.servo.ros_joints import RosJoints, load_ros_joints
-from missions.cli.servo.target import ARM
+from missions.cli.servo.target import ARM, arm_named, arm_option
 from missions.cli.servo.writing import robot_text
 from missions.library.drivers import robot_of
 
@@ -27,8 +27,11 @@ from missions.library.drivers import robot_of
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), metavar="NEW", help="Write a new "
               "robot file; without it the text goes to stdout.")  # fmt: skip
 @click.option("--into", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="ROBOT", help="Add the "
-              "joints to the arm of a robot file of yours.")  # fmt: skip
-def import_joints(file: Path, model: str, port: str, baud: int, output: Path | None, into: Path | None) -> int:
+              "joints to an arm of a robot file of yours.")  # fmt: skip
+@arm_option
+def import_joints(
+    file: Path, model: str, port: str, baud: int, output: Path | None, into: Path | None, arm: str
+) -> int:
     """Import joints from a ROS file.
 
     A YAML of dynamixel_controllers becomes the joints of a robot file; `init`, `min` and `max` stay the servo's
@@ -39,10 +42,10 @@ def import_joints(file: Path, model: str, port: str, baud: int, output: Path | N
     if output is not None and into is not None:
         raise click.UsageError("-o writes a new file and --into adds to one: give one of them")
     found = load_ros_joints(file, model=ALIASES.get(model, model))
-    text = robot_text(file.stem, found.joints, port=port, baud=baud)
+    text = robot_text(file.stem, found.joints, port=port, baud=baud, arm=arm)
     try:
         if into is not None:
-            _add(into, found, text)
+            _add(into, found, text, arm)
         elif output is not None:
             write_new(output, text)
         else:
@@ -58,15 +61,17 @@ def import_joints(file: Path, model: str, port: str, baud: int, output: Path | N
     return SUCCESS
 
 
-def _add(path: Path, found: RosJoints, text: str) -> None:
-    """Add joints, as ``text`` has them, to the arm of a robot file, and nothing else.
+def _add(path: Path, found: RosJoints, text: str, part: str) -> None:
+    """Add joints, as ``text`` has them, to an arm of a robot file, and nothing else.
 
-    Raises NotEditableError where that cannot be.
+    Raises NotEditableError where that cannot be, click.UsageError where it has other arms, and not this.
     """
     require_own(path, "mission servo import JOINTS.yaml --into FILE")
     source = read_source(path)
     old = robot_of(source)
-    before = arm_of(old, ARM)
+    if part != ARM:
+        arm_named(old, part)
+    before = arm_of(old, part)
     joints: dict[str, JointKeys] = {} if before is None else dict(before.joints)
     if there := [name for name in found.joints if name in joints]:
         raise NotEditableError(f"{path}: it has {', '.join(there)} already")
@@ -74,10 +79,10 @@ def _add(path: Path, found: RosJoints, text: str) -> None:
     new = source.text
     for line in reversed(lines):  # each is put in front of the others
         name, _, value = line.strip().partition(": ")
-        new = with_value(Source(source.name, new), (ARM, "joints", name), value)
-    arm = arm_of(robot_of(Source(source.name, new)), ARM)
+        new = with_value(Source(source.name, new), (part, "joints", name), value)
+    arm = arm_of(robot_of(Source(source.name, new)), part)
     if arm is None or dict(arm.joints) != {**found.joints, **joints}:
         raise NotEditableError(
-            f"{path}: its arm is written in a way that cannot be added to; write the joints yourself"
+            f"{path}: its {part} is written in a way that cannot be added to; write the joints yourself"
         )
     rewrite(path, new)

@@ -56,12 +56,7 @@ class Target:
     def config(self) -> RobotConfig:
         """Read the robot file, with port and baud rate as they were asked for. Raises click.UsageError without arm."""
         robot = load_robot(find("robots", self.robot or DEFAULT_ROBOT))
-        arms = {part: it.keys for part, it in robot.sections.items() if isinstance(it.keys, DynamixelKeys)}
-        arm = arms.get(self.arm)
-        if arm is None and arms:
-            raise click.UsageError(f"{robot.name} has no {self.arm}; --arm: {one_of(self.arm, arms)}")
-        if arm is None:
-            raise click.UsageError(f"{robot.name} has no arm: its file has no servos to work on")
+        arm = arm_named(robot, self.arm)
         return robot.with_keys(self.arm, replace(arm, port=self.port or arm.port, baud=self.baud or arm.baud))
 
     @property
@@ -79,6 +74,20 @@ class Target:
         """Raise click.UsageError where nothing says which joints there are."""
         if self.robot is None and not self.virtual:
             raise click.UsageError("--port alone names no joints: name the robot's file too, with --robot")
+
+
+def arm_named(robot: RobotConfig, name: str) -> DynamixelKeys:
+    """Return what a robot file says of an arm of ours. Raises click.UsageError, with the arms that there are."""
+    arms = {part: it.keys for part, it in robot.sections.items() if isinstance(it.keys, DynamixelKeys)}
+    if name in arms:
+        return arms[name]
+    if arms:
+        raise click.UsageError(f"{robot.name} has no {name}; --arm: {one_of(name, arms)}")
+    raise click.UsageError(f"{robot.name} has no arm: its file has no servos to work on")
+
+
+arm_option = click.option("--arm", default=ARM, metavar="NAME", help="Which arm, of a robot that has several.")
+"""Adds ``--arm`` to a command."""
 
 
 def target_options(command: Callable[..., Any], *, baud: bool = True) -> Callable[..., Any]:
@@ -99,7 +108,7 @@ def target_options(command: Callable[..., Any], *, baud: bool = True) -> Callabl
                         "file's.")  # fmt: skip
     options = (
         click.option("--port", metavar="PATH", help="Where the adapter is plugged in, instead of what the file says."),
-        click.option("--arm", default=ARM, metavar="NAME", help="Which arm, of a robot that has several."),
+        arm_option,
         click.option("--simulate", is_flag=True, help="Use virtual servos, even with --robot."),
         click.option("--robot", type=ROBOT, help="The robot (a name or a file), whose servos move. Without it and "
                      "--port: simulated."),

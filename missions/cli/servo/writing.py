@@ -10,12 +10,15 @@ from drivers.dynamixel.declared import JointKeys
 from missions.library.drivers import robot_of
 
 
-def robot_text(name: str, joints: Mapping[str, JointKeys], *, port: str, baud: int = 1_000_000) -> str:
-    """Return the text of a robot file with nothing but an arm of ``joints``. Raises InvalidFileError if it is none."""
+def robot_text(
+    name: str, joints: Mapping[str, JointKeys], *, port: str, baud: int = 1_000_000, arm: str = "arm"
+) -> str:
+    """Return the text of a robot file with an ``arm`` of ``joints`` alone. Raises InvalidFileError if it is none."""
     lines = [
         f"robot: {word(name)}",
         "",
-        "arm:",
+        f"{arm}:",
+        *([] if arm == "arm" else ["  kind: arm"]),
         "  driver: dynamixel",
         f"  port: {json.dumps(port)}",
         f"  baud: {baud}",
