@@ -127,7 +127,7 @@ class Types:
     def decode(self, name: str, payload: bytes) -> Any:
         """Return the message: an object with the fields of the type. Raises Malformed for bytes that are none."""
         try:
-            return self._store.deserialize_cdr(payload, name)
+            return self._store.deserialize_cdr(payload, self._known(name))
         except Exception as error:  # bytes from outside: whatever they bring about is their fault
             raise Malformed(f"{name}: {len(payload)} bytes that are no such message: {error}") from error
 
