@@ -10,7 +10,7 @@ DEMO := click colorama dynamixel-sdk markdown-it-py mdurl numpy opencv-python-he
 OTHERS := tests/other_programs
 OTHERS_STAMP := $(VENV)/other_programs_installed
 
-.PHONY: help setup demo test compiled fuzz storm planted kills golden soak claims check bench docs fleet constraints clean
+.PHONY: help setup demo test compiled fuzz payloads storm planted kills golden soak claims check bench docs fleet constraints clean
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -62,6 +62,9 @@ compiled: $(OTHERS_STAMP)
 fuzz: $(OTHERS_STAMP) ## the tests with random examples, new ones at each run, ten times over
 	for round in 1 2 3 4 5 6 7 8 9 10; do \
 		$(BIN)/pytest -q -m hypothesis --hypothesis-profile fuzz --numprocesses $$(nproc) --dist worksteal || exit 1; done
+
+payloads: $(OTHERS_STAMP) ## a million payloads of ROS 2 that chance has changed, told to all that hears them; PAYLOADS=100000
+	PAYLOADS=$(or $(PAYLOADS),1000000) $(BIN)/pytest -q -n 0 --durations 1 --timeout 0 tests/drivers/ros2/test_ros2_noise.py
 
 storm: $(STAMP) ## 2000 random missions under random faults; SEEDS=20000 FIRST=1 for more, or others
 	$(BIN)/mission storm --seeds $(or $(SEEDS),2000) --first $(or $(FIRST),1)

@@ -28,7 +28,8 @@ GOLDEN = (
 
 def some_values(name: str, chance: Random, depth: int = 0) -> dict[str, object]:
     """Return values for the fields of a type, as a mission would give them."""
-    store: Any = get_typestore(Stores.ROS2_JAZZY)
+    types().warm(name)
+    store: Any = types()._store
 
     def value(kind: Any) -> object:
         what, of = kind
