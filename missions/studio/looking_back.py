@@ -1,22 +1,19 @@
 """Records of runs, looked at piece by piece: no record is read whole, however large, to answer a command."""
 
-import base64
 import struct
 from bisect import bisect_left
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from datetime import datetime
 from itertools import pairwise
 from math import inf
 from pathlib import Path
 from shlex import quote
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from drivers.clock import SystemClock
-from missions.executive.events import Ended, VariableSet
-from missions.executive.telling import percept_of
-from missions.records.recording.codec import from_json
-from missions.records.recording.faults import MAX_TIME, InvalidRecordError, understanding
+from missions.executive.events import Ended
+from missions.records.recording.faults import MAX_TIME, InvalidRecordError, message_in, understanding
 from missions.records.recording.items import EVENTS
 from missions.records.recording.read import Record, began_at, open_record
 from missions.records.replay.frames import SAME
@@ -26,12 +23,11 @@ from missions.studio import wishes
 from missions.studio.commands import Command
 from missions.studio.form import BadMessage
 from missions.studio.outlet import UNWRITTEN
-from missions.studio.pictures import found_in
 from missions.studio.ring import records_folder, records_in
-from missions.studio.wishes import Moment
 from missions.views.pictures.tree_json import to_json
-from missions.views.words import in_words
-from perception.api import View
+
+if TYPE_CHECKING:  # it needs mcap
+    from missions.records.recording.container import Message
 
 Json = dict[str, object]
 
@@ -40,9 +36,6 @@ BUDGET = 0.25
 
 TOLD = frozenset({*EVENTS.values(), "/feedback", "/state/base"})
 """The topics that a piece of a record is told of."""
-
-THEN = frozenset({"/nodes", "/feedback", "/variables", "/percepts", "/state/base"})
-"""Those that a moment is told of."""
 
 BEFORE = 16_000_000
 """Bytes before a moment that are looked through for what was so then."""
@@ -116,7 +109,7 @@ def record(command: Command) -> Json:
     """Answer `record`."""
     if not isinstance(command, wishes.Record):
         raise TypeError(command.word)
-    opened = Opened(_path(command.name))
+    opened = Opened(path_of(command.name))
     first = bisect_left(opened.chunks, command.start, key=lambda chunk: chunk[0])
     clock, last, gathered = SystemClock(), first, _Gathered()
     while last < len(opened.chunks) and (last == first or clock.now() < BUDGET):
@@ -130,44 +123,9 @@ def record(command: Command) -> Json:
     return told
 
 
-def moment(command: Command) -> Json:
-    """Answer `moment`."""
-    if not isinstance(command, Moment):
-        raise TypeError(command.word)
-    opened, time = Opened(_path(command.name)), command.t
-    spans = list(opened.before(time))
-    piece = opened.piece(spans[-1][0], spans[0][1]) if spans else opened.piece(0, 0)
-    changed: dict[str, list[object]] = {}
-    variables: Json = {}
-    places: list[list[float]] = []
-    percept = None
-    with understanding(opened.record.path):
-        for topic, told in _messages(piece, THEN, time):
-            if topic == "/state/base":
-                places = _place(told) or places
-            elif topic == "/percepts":
-                percept = told
-            elif topic == "/variables":
-                event = from_json(told, VariableSet)
-                value = None if event.value is None else in_words(event.value)
-                variables[f"{event.scope} {event.name}".lstrip()] = value
-            elif topic == "/nodes":
-                changed[told["node"]] = [told["status"], told["reason"], told["t"]]
-            elif changed.get(told["node"], [""])[0] == "running":
-                changed[told["node"]][1] = told["reason"]
-    return {
-        "t": time,
-        "changed": changed,
-        "variables": variables,
-        "percept": percept and percept_of(from_json(percept, View), percept["t"]).as_dict(),
-        "pose": places[0][1:] if places else None,
-        "picture": _picture(opened, time, spans),
-    }
-
-
 def report(name: str) -> str:
     """Return the report of a record, as a page. Raises BadMessage for one that is too large."""
-    path = _path(name)
+    path = path_of(name)
     if (size := path.stat().st_size) > LARGEST_REPORT:
         told = (
             f"{path}: {size / 1e6:.0f} MB are too much for a report in the studio (at most {LARGEST_REPORT / 1e6:.0f})"
@@ -176,18 +134,17 @@ def report(name: str) -> str:
     return page(study(open_record(path), most_pictures=MOST_PICTURES))
 
 
-DOES: Mapping[str, Callable[[Command], Json]] = {"records": listed, "record": record, "moment": moment}
+DOES: Mapping[str, Callable[[Command], Json]] = {"records": listed, "record": record}
 """What does each command."""
 
 
-def _messages(piece: Record, topics: frozenset[str], time: float = inf) -> Iterator[tuple[str, Any]]:
+def messages(piece: Record, topics: frozenset[str], time: float = inf) -> "Iterator[Message]":
     """Yield what was told on topics up to a time: nothing else of the piece is read."""
-    for topic, told in piece.read(lambda topic, data: (topic, data), *topics):
-        if told["t"] <= time + SAME:
-            yield topic, told
+    latest = began_at(piece.head) + (time + SAME) * 1e9
+    return (message for message in piece.container.messages(topics) if message.time <= latest)
 
 
-def _path(name: str) -> Path:
+def path_of(name: str) -> Path:
     """Return the record of a name. Raises BadMessage for what is none of those that are listed."""
     found = next((path for path in records_in(records_folder()) if path.name == name), None)
     if found is None:
@@ -233,7 +190,8 @@ class _Gathered:
     def add(self, piece: Record) -> None:
         """Take in a piece, which comes behind the others."""
         with understanding(piece.path):
-            for topic, told in sorted(_messages(piece, TOLD), key=lambda each: float(each[1]["t"])):
+            found = [(message.topic, message_in(message.data)) for message in messages(piece, TOLD)]
+            for topic, told in sorted(found, key=lambda each: float(each[1]["t"])):
                 t = round(told["t"], 4)
                 if topic == "/nodes":
                     self._lanes.setdefault(told["node"], []).append([t, told["status"], told["reason"]])
@@ -243,7 +201,7 @@ class _Gathered:
                     if not lane or lane[-1][1] == "running":
                         lane.append([t, "running", told["reason"]])
                 elif topic == "/state/base":
-                    self._trail += _place(told)
+                    self._trail += place_in(told)
                 elif (event := piece.event(topic, told)) is not None and not isinstance(event, UNWRITTEN):
                     self._log.append(event.as_dict())
 
@@ -254,35 +212,8 @@ class _Gathered:
         return {"lanes": self._lanes, "log": self._log, "failures": self._failures, "trail": places[::step]}
 
 
-def _place(told: Mapping[str, Any]) -> list[list[float]]:
+def place_in(told: Mapping[str, Any]) -> list[list[float]]:
     """Return when the base was where, if a message tells that."""
     found = [told[name] for name in ("t", "x", "y", "heading")]
     known = told["quality"] == "good" and all(isinstance(each, int | float) and abs(each) < MAX_TIME for each in found)
     return [[round(each, 3) for each in found]] if known else []
-
-
-def _picture(opened: Opened, time: float, spans: Sequence[tuple[int, int]]) -> Json | None:
-    """Return the newest picture up to a time, with what was found in it."""
-    for first, last in spans:
-        piece = opened.piece(first, last)
-        frames = [(stamp, jpeg) for stamp, jpeg in piece.frames() if stamp <= time + SAME]
-        if frames:
-            stamp, jpeg = frames[-1]
-            views = (view for _, view in piece.views() if view.looked is not None)
-            view = next((view for view in views if abs((view.looked or 0.0) - stamp) <= SAME), None)
-            found = [] if view is None else found_in(view)
-            width, height = _size(jpeg)
-            coded = base64.b64encode(jpeg).decode()
-            return {"t": stamp, "width": width, "height": height, "jpeg": coded, "found": found}
-    return None
-
-
-def _size(jpeg: bytes) -> tuple[int, int]:
-    """Return the width and height of a JPEG; nothing for what is none."""
-    at = 2
-    while at + 9 < len(jpeg) and jpeg[at] == 0xFF:
-        kind, length = jpeg[at + 1], int.from_bytes(jpeg[at + 2 : at + 4], "big")
-        if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
-            return int.from_bytes(jpeg[at + 7 : at + 9], "big"), int.from_bytes(jpeg[at + 5 : at + 7], "big")
-        at += 2 + length
-    return 0, 0

@@ -17,7 +17,7 @@ from config.library import UnknownNameError
 from missions.library.tuning import keep
 from missions.records.recording.faults import InvalidRecordError
 from missions.service.task import TaskError
-from missions.studio import failsafe, library, looking_back, queueing
+from missions.studio import failsafe, library, looking_back, moments, queueing
 from missions.studio.commands import Command
 from missions.studio.form import BadMessage
 from missions.studio.wishes import Start
@@ -34,6 +34,7 @@ NICE = 5
 DOES: Mapping[str, Callable[[Command], dict[str, object]]] = {
     **library.DOES,
     **looking_back.DOES,
+    **moments.DOES,
     **queueing.DOES,
     **failsafe.DOES,
 }

@@ -126,7 +126,7 @@ class Record(Command):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment(Command):
-    """Answer with what was so at a moment of a record: the tree, the variables, the place, and the picture."""
+    """Answer with what was so at a moment of a record: tree, variables, place, parts, joints, scan, and picture."""
 
     word: ClassVar[str] = "moment"
     role: ClassVar[Role] = "viewer"

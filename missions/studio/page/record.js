@@ -2,7 +2,7 @@
 
 import { button, el, panel, put, svg, tell } from "./dom.js";
 import { found, paint } from "./camera.js";
-import { Lines, Variables } from "./panels.js";
+import { Joints, Lines, Parts, Variables } from "./panels.js";
 import { day, ending, plain, reality, seconds } from "./words.js";
 import "./plan.js";
 import "./tree.js";
@@ -43,11 +43,14 @@ export class Record {
   #seen = el("p", { class: "caption" });
   #plan = el("studio-plan");
   #variables = new Variables();
+  #parts = new Parts();
+  #joints = new Joints();
   #log = new Lines("Log");
 
   constructor(link, name) {
     this.#link = link;
     this.#name = name;
+    this.#joints.panel = panel("Arm", "arm", this.#joints.node);
     this.node = el("article", { class: "record" }, el("p", { class: "empty" }, "It is being read…"));
     this.#slider.addEventListener("input", () => this.go(Number(this.#slider.value)));
     this.#log.node.addEventListener("click", (event) => {
@@ -113,7 +116,7 @@ export class Record {
       el("div", { class: "columns" },
         el("div", null, panel("Tree", "tree", this.#tree)),
         el("div", null, panel("Camera", "camera", this.#canvas, this.#seen), panel("Plan", "plan", this.#plan)),
-        el("div", null, panel("Variables", "values", this.#variables.node), panel("Log", "log", this.#log.node))));
+        el("div", null, panel("Variables", "values", this.#variables.node), panel("Robot", "robot", this.#parts.node), this.#joints.panel, panel("Log", "log", this.#log.node))));
     this.#tree.draw(record.drawing);
     if (record.world) this.#plan.under(this.#link, record.world);
     this.#add(record);
@@ -201,7 +204,11 @@ export class Record {
     if (this.#record.more !== undefined) this.#stand(moment.t, moment.changed);
     this.#variables.show(moment.variables, moment.t);
     const way = this.#record.trail.filter(([t]) => t <= moment.t).map(([, x, y]) => [x, y]);
-    this.#plan.show({ pose: moment.pose, percept: moment.percept ?? {} });
+    if (!moment.parts.length) this.#parts.clear();
+    if (!Object.keys(moment.joints).length) this.#joints.clear();
+    this.#parts.show(moment.parts);
+    this.#joints.show(moment.joints);
+    this.#plan.show({ pose: moment.pose, percept: moment.percept ?? {}, scan: moment.scan });
     this.#plan.way(way);
     this.#canvas.hidden = !moment.picture;
     put(this.#seen, moment.picture ? found(moment.picture) : "no picture of this moment");

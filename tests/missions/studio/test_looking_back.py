@@ -2,22 +2,26 @@
 
 import io
 import json
+import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from missions.executive.events import Ended, NodeChanged, VariableSet
+from drivers.api import STILL, BaseState, Health, JointState, Pose2D, Quality, RangeScan, Reading
+from missions.executive.events import Ended, Logged, NodeChanged, VariableSet
+from missions.executive.tick_record import Answer, TickRecord
 from missions.records.recording.head import Contents
-from missions.records.recording.items import Feedback, packed, unpacked
+from missions.records.recording.items import Checked, Feedback, packed, unpacked
 from missions.records.recording.sink import Sink
 from missions.records.recording.writer import RecordWriter
-from missions.studio import looking_back
+from missions.studio import looking_back, moments
 from missions.studio.ring import records_folder
 from missions.studio.wishes import Moment
 from missions.studio.wishes import Record as Asked
 from missions.views.pictures.tree_json import to_json
-from tests.missions.records.report.told_record import DRAWING, FILES, WHERE
+from tests.missions.records.report.told_record import DRAWING, FILES, WHERE, write
 
 
 @pytest.fixture
@@ -111,6 +115,32 @@ def test_a_moment_is_read_from_what_was_just_before_it(
     path = long(folder / "long.mcap", 400)
     monkeypatch.setattr(looking_back, "BEFORE", path.stat().st_size / 20)
     read.clear()
-    moment = looking_back.moment(Moment(name="long.mcap", t=200.3))
+    moment = moments.moment(Moment(name="long.mcap", t=200.3))
     assert moment["changed"] == {"1.1": ["failure", "", 200.0]}
     assert sum(size for _, size in read) < path.stat().st_size / 2  # the index too: of so short chunks it is long
+
+
+def test_a_moment_tells_of_parts_joints_and_the_range_finder(folder: Path) -> None:
+    scan = RangeScan(np.array([1.0, math.nan, 2.0, 3.0], np.float32), 0.0, math.pi / 2, 2.0, 1, 0.1, 9.0)
+    joint = JointState(0.5, 0.0, None, -0.25, 12.0, 40.0, moving=False, torque=True)
+    answers: list[Answer] = [
+        (
+            "base",
+            "state",
+            (),
+            Reading(BaseState(Pose2D(1.0, 2.0, 0.5), STILL, battery_percent=77.0), 2.0, Quality.GOOD),
+        ),
+        ("arm", "states", (), {"elbow": Reading(joint, 2.0, Quality.GOOD)}),
+        ("range", "scan", (), Reading(scan, 2.0, Quality.GOOD)),
+    ]
+    devices = {"base": Health(online=True), "arm": Health(online=False, detail="no such device", hint="plug it in")}
+    items: list[Any] = [TickRecord("tick", 40, 2.0, 0.0, 1e-4, answers), Checked(2.1, devices), Logged(9.0, "info", "")]
+    write(folder / "told.mcap", items)
+    before, after = (moments.moment(Moment(name="told.mcap", t=t)) for t in (1.9, 2.2))
+    assert (before["parts"], before["joints"], before["scan"]) == ([], {}, [])
+    assert after["joints"] == {"elbow": [0.5, -0.25, 40.0]}
+    assert after["scan"] == [[1.0, 0.0], [-2.0, 0.0], [0.0, -3.0]]
+    parts: Any = after["parts"]
+    base, arm = parts
+    assert (base["level"], base["values"]["battery"], base["values"]["x"]) == ("OK", 77.0, 1.0)
+    assert (arm["level"], arm["detail"], arm["hint"]) == ("ERROR", "no such device", "plug it in")

@@ -58,6 +58,11 @@ def test_greet_is_run_from_its_form_watched_and_looked_at_again(
     wait_until(lambda: tab.evaluate("!!document.querySelector('.record-list a')"))
     tab.evaluate("document.querySelector('.record-list a').click()")
     wait_until(lambda: any(each.name.startswith("sequence: success") for each in tab.all("treeitem")))
+    wait_until(
+        lambda: tab.evaluate(
+            "!!document.querySelector('.record .battery') && !!document.querySelector('.record .joints td')"
+        )
+    )
     slider = tab.find("slider", "Time")
     slider.focus()
     tab.press("Home")
