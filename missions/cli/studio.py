@@ -1,6 +1,7 @@
 """``mission studio``: a page in the browser to see, start, drive and stop what runs on this machine."""
 
 import ipaddress
+import os
 import sys
 import webbrowser
 from contextlib import closing, suppress
@@ -11,6 +12,7 @@ import click
 
 from missions.cli.numbers import Whole
 from missions.cli.root import SUCCESS
+from missions.studio import ring
 
 PORT = 8642
 
@@ -32,6 +34,14 @@ PORT = 8642
     "--record/--no-record",
     default=None,
     help="Record the runs that it starts, simulated ones too: so it is unless your defaults.yaml says `record: false`.",
+)
+@click.option(
+    "--records",
+    type=click.Path(exists=True, file_okay=False, resolve_path=True, path_type=Path),
+    metavar="FOLDER",
+    expose_value=False,
+    callback=lambda _context, _option, folder: folder and os.environ.update({ring.SHOWN: str(folder)}),
+    help="The records that it shows; else those that are kept by default, as runs that it starts are in any case.",
 )
 @click.option(
     "--certificate",
@@ -59,7 +69,7 @@ def command(
     stop. Runs go on when the studio ends, and those of other terminals are in it too.
     """
     try:
-        from missions.studio import ring, tokens  # noqa: PLC0415
+        from missions.studio import tokens  # noqa: PLC0415
         from missions.studio.access import Access  # noqa: PLC0415 - the extra may be missing
         from missions.studio.serving import Place, listening, serve  # noqa: PLC0415
     except ImportError as error:

@@ -15,7 +15,7 @@ from starlette.websockets import WebSocket
 from missions.studio.access import Access
 from missions.studio.form import BadMessage
 from missions.studio.gate import Gate
-from missions.studio.ring import records_folder, records_in
+from missions.studio.ring import records_in, shown_folder
 from missions.studio.session import Session
 from missions.studio.studio import PAGE, Studio, edition
 
@@ -118,7 +118,7 @@ def _record(request: Request) -> Path:
     """Return the record that is asked for: its pictures may be taken away, and an operator alone gets it."""
     if request.scope["role"] != "operator":
         raise HTTPException(403)
-    found = next((path for path in records_in(records_folder()) if path.name == request.path_params["name"]), None)
+    found = next((path for path in records_in(shown_folder()) if path.name == request.path_params["name"]), None)
     if found is None:
         raise HTTPException(404)
     return found

@@ -23,7 +23,7 @@ from missions.studio import wishes
 from missions.studio.commands import Command
 from missions.studio.form import BadMessage
 from missions.studio.outlet import UNWRITTEN
-from missions.studio.ring import records_folder, records_in
+from missions.studio.ring import records_in, shown_folder
 from missions.views.pictures.tree_json import to_json
 
 if TYPE_CHECKING:  # it needs mcap
@@ -101,8 +101,7 @@ class Opened:
 def listed(command: Command) -> Json:
     """Answer `records`."""
     del command
-    where = records_folder()
-    return {"folder": str(where), "records": [entry(path) for path in records_in(where)]}
+    return {"folder": str(shown_folder()), "records": [entry(path) for path in records_in(shown_folder())]}
 
 
 def record(command: Command) -> Json:
@@ -146,9 +145,9 @@ def messages(piece: Record, topics: frozenset[str], time: float = inf) -> "Itera
 
 def path_of(name: str) -> Path:
     """Return the record of a name. Raises BadMessage for what is none of those that are listed."""
-    found = next((path for path in records_in(records_folder()) if path.name == name), None)
+    found = next((path for path in records_in(shown_folder()) if path.name == name), None)
     if found is None:
-        raise BadMessage("no_such_record", f"there is no record '{name[:80]}' in {records_folder()}")
+        raise BadMessage("no_such_record", f"there is no record '{name[:80]}' in {shown_folder()}")
     return found
 
 

@@ -23,6 +23,15 @@ def records_folder() -> Path:
     return state_folder() / "records"
 
 
+SHOWN = "MISSION_STUDIO_RECORDS"
+"""By which a studio tells the processes that read for it of another folder, whose records it shows."""
+
+
+def shown_folder() -> Path:
+    """Return the folder whose records the studio shows: that of those kept by default, if no other is named."""
+    return Path(os.environ.get(SHOWN) or records_folder())
+
+
 def records_in(folder: Path) -> list[Path]:
     """Return the records in a folder, the newest first."""
     try:

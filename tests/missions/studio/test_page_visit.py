@@ -4,10 +4,11 @@ import json
 from collections.abc import Iterator
 from functools import partial
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
-from missions.library.folders import checkup_file
+from missions.library.folders import checkup_file, state_folder
 from missions.studio import looking_back
 from missions.studio.form import BadMessage
 from missions.studio.ring import records_folder
@@ -73,12 +74,16 @@ def test_greet_is_run_from_its_form_watched_and_looked_at_again(
     assert {url.split("/")[2] for url in tab.requests} == {served.host}
 
 
-def test_the_report_of_a_strangers_record_is_read_and_is_no_part_of_the_studio(browser: Browser) -> None:
-    records = records_folder()
-    records.mkdir(parents=True, exist_ok=True)
+def test_the_report_of_a_strangers_record_is_read_and_is_no_part_of_the_studio(
+    browser: Browser, tmp_path: Path
+) -> None:
+    records = tmp_path / "of others"
+    records.mkdir()
     stranger = write(records / "stranger.mcap", items())
     (records / "broken.mcap").write_bytes(b"no record")
-    with studio() as served:
+    with studio("--records", str(records)) as served:
+        page = Page(browser, served, view="#records")
+        page.wait_for("broken.mcap", str(records))
         cookie = served.cookie(served.operator)
         refused, _, words = served.get("/reports/broken.mcap", Cookie=cookie)
         assert (refused, b"broken.mcap" in words) == (422, True)
@@ -96,7 +101,7 @@ def test_the_report_of_a_strangers_record_is_read_and_is_no_part_of_the_studio(b
             tab.evaluate("(() => { try { return document.cookie } catch (error) { return error.name } })()")
             == "SecurityError"
         )
-        log = (records.parent / "studio.log").read_text(encoding="utf-8").splitlines()
+        log = (state_folder() / "studio.log").read_text(encoding="utf-8").splitlines()
     told = [each for each in map(json.loads, log) if each.get("do") == "report"]
     assert [(each["name"], each["outcome"]) for each in told[-3:]] == [
         ("broken.mcap", "bad_record"), ("stranger.mcap", "ok"), ("stranger.mcap", "ok"),
