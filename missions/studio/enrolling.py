@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from config.library import shipped
+from missions.assembly.people import PeopleError, proper_name
 from missions.studio.commands import Watch
 from missions.studio.form import BadMessage
 from missions.studio.watching import Hearer, Watching
@@ -27,6 +28,10 @@ PATIENCE = 30.0
 
 async def add_person(command: AddPerson, watching: Watching, robot: str) -> Mapping[str, object]:
     """Answer `add_person`: with the people of the ``robot``, where it is one of the library, else the user's."""
+    try:
+        proper_name(command.name)  # what cannot be one is said before anybody poses
+    except PeopleError as error:
+        raise BadMessage("no_person", str(error), error.hint) from error
     with TemporaryDirectory(prefix="person-") as folder:
         files = await _pictures(watching, Path(folder))
         words = ["--robot", robot] if robot in shipped("robots") else []
