@@ -8,10 +8,11 @@ sent earlier. Connections lose for themselves.
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from threading import Thread
+from typing import Any
 
 SEGMENT = 1460
 AGAIN = 4.0
@@ -79,8 +80,16 @@ class Lossy:
 @contextmanager
 def lossy(target: int, delay: float, loses: Loses) -> Iterator[Lossy]:
     """Have such a network in front of a port, on a thread of its own, until the end of the block."""
-    network, loop = Lossy(target, delay, loses), asyncio.new_event_loop()
-    server = loop.run_until_complete(network.serve())
+    network = Lossy(target, delay, loses)
+    with served(network.serve):
+        yield network
+
+
+@contextmanager
+def served(begin: Callable[[], Coroutine[Any, Any, asyncio.Server]]) -> Iterator[asyncio.Server]:
+    """Have a server on a thread of its own until the end of the block."""
+    loop = asyncio.new_event_loop()
+    server = loop.run_until_complete(begin())
     thread = Thread(target=loop.run_forever, daemon=True)
     thread.start()
 
@@ -93,7 +102,7 @@ def lossy(target: int, delay: float, loses: Loses) -> Iterator[Lossy]:
         await asyncio.sleep(0)  # what was aborted is closed by now
 
     try:
-        yield network
+        yield server
     finally:
         asyncio.run_coroutine_threadsafe(end(), loop).result()
         loop.call_soon_threadsafe(loop.stop)

@@ -1,20 +1,22 @@
 """Nobody gets into the studio who has not shown a token: each route and each message is tried, and new ones fail."""
 
 import json
+import re
 import shutil
 import socket
 import ssl
 import subprocess
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 from functools import partial
-from http.client import HTTPSConnection
+from http.client import HTTPResponse, HTTPSConnection
 from pathlib import Path
+from ssl import Purpose
 
 import jsonschema
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from drivers.clock import SystemClock
@@ -26,7 +28,9 @@ from missions.studio.reading import COMMANDS
 from missions.studio.serving import MOST_CONNECTIONS, Place
 from missions.studio.tokens import keep_tokens, kept_tokens
 from tests.missions.command import command
-from tests.missions.studio.serving import PATIENCE, Served, studio
+from tests.missions.studio.proxy import proxy
+from tests.missions.studio.running import DRIVING, run_of
+from tests.missions.studio.serving import PATIENCE, Client, Served, studio
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.real_time
@@ -211,9 +215,12 @@ def test_messages_that_are_too_large_or_too_many_are_bounded(served: Served) -> 
         assert other.ask("stop")["ok"]
 
 
-def test_a_thousand_connections_and_slow_requests_leave_room_for_who_is_in(served: Served) -> None:
-    with served.client(served.viewer) as client:
-        idle = []
+def test_floods_leave_room_for_who_is_in_take_no_memory_and_do_not_disturb_a_run(
+    served: Served, tmp_path: Path
+) -> None:
+    with run_of(tmp_path, DRIVING) as (run, base), served.client(served.viewer) as client:
+        wait_until(lambda: base.seen().top > 0.1)
+        stood, memory, idle = base.seen().rest_at, _kilobytes(served), []
         try:
             for _ in range(1000):
                 connection = socket.create_connection(("127.0.0.1", served.port))
@@ -221,7 +228,6 @@ def test_a_thousand_connections_and_slow_requests_leave_room_for_who_is_in(serve
                 idle.append(connection)
             for connection in idle[: MOST_CONNECTIONS // 2]:
                 connection.send(b"GET / HTTP/1.1\r\nHost: ")
-            assert client.ask("stop")["ok"]
             assert client.ask("tasks")["ok"]
             wait_until(lambda: _answers(served), 60.0)
             for connection in idle:
@@ -229,6 +235,32 @@ def test_a_thousand_connections_and_slow_requests_leave_room_for_who_is_in(serve
         finally:
             for connection in idle:
                 connection.close()
+        with served.client(served.operator) as floods:
+            assert _refused_after(floods.socket.socket, 100_000_000) < 10_000_000
+            with pytest.raises(ConnectionClosed, match="1009"):
+                floods.hear(lambda told: told["say"] == "answer")
+        assert _kilobytes(served) - memory < 50_000
+        # Had a tick been 0.3 s late meanwhile, the base would have stood.
+        assert (base.seen().moving, base.seen().rest_at) == (True, stood)
+        stopped = client.ask("stop")["result"]["stopped"]
+        assert stopped[str(run.process.pid)]["parts"] == ["base"]
+        wait_until(lambda: not base.seen().moving)
+
+
+def _kilobytes(served: Served) -> int:
+    """Return the most memory that the studio has had."""
+    told = Path(f"/proc/{served.process.process.pid}/status").read_text(encoding="utf-8")
+    return int(re.findall(r"VmHWM:\s+(\d+) kB", told)[0])
+
+
+def _refused_after(connection: socket.socket, size: int) -> int:
+    """Send one message of so many bytes over a websocket; return how many went before the other side hung up."""
+    sent, piece = 0, bytes(1 << 20)
+    with suppress(OSError):
+        connection.sendall(b"\x81\xff" + size.to_bytes(8, "big") + bytes(4))
+        while sent < size:
+            sent += connection.send(piece)
+    return sent
 
 
 def test_a_second_request_has_no_longer_than_the_first(served: Served) -> None:
@@ -296,28 +328,69 @@ def _ended(connection: socket.socket) -> bool:
     return True
 
 
-def test_behind_a_proxy_it_goes_by_the_name_that_it_was_given_and_by_no_header_of_the_proxy() -> None:
-    with studio("--name", "robot.example") as served:
-        named = {"Host": "robot.example"}
-        assert served.get(f"/?token={served.viewer}", **named)[0] == 303
-        cookie = served.cookie(served.viewer)
-        assert served.get("/none.js", Origin="https://robot.example", Cookie=cookie, **named)[0] == 404
-        assert served.get("/none.js", Origin="https://other.example", Cookie=cookie, **named)[0] == 403
-        forged = {"X-Forwarded-For": "127.0.0.1", "X-Forwarded-Host": served.host, "Forwarded": "for=127.0.0.1"}
-        assert served.get("/", **forged)[0] == 401
-        assert served.get("/", Host="other.example", **{"X-Forwarded-Host": served.host})[0] == 403
-
-
-@pytest.mark.skipif(shutil.which("openssl") is None, reason="needs openssl, to make a certificate")
-def test_with_a_certificate_it_speaks_tls_and_its_cookie_stays_on_it(tmp_path: Path) -> None:
-    key, certificate = tmp_path / "key.pem", tmp_path / "cert.pem"
-    subject = ["-subj", "/CN=localhost", "-addext", "subjectAltName=IP:127.0.0.1"]
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A certificate for this computer and for robot.example, and its key."""
+    if shutil.which("openssl") is None:
+        pytest.skip("needs openssl, to make a certificate")
+    folder = tmp_path_factory.mktemp("tls")
+    certificate, key = folder / "cert.pem", folder / "key.pem"
+    subject = ["-subj", "/CN=localhost", "-addext", "subjectAltName=IP:127.0.0.1,DNS:robot.example"]
     files = ["-keyout", str(key), "-out", str(certificate)]
     make = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", *subject, *files]
     subprocess.run(make, check=True, capture_output=True)
-    with studio("--certificate", str(certificate), "--key", str(key)) as served:
+    return certificate, key
+
+
+def test_behind_a_proxy_that_speaks_tls_it_goes_by_the_name_that_it_was_given(certificate: tuple[Path, Path]) -> None:
+    trusting, speaks = (
+        ssl.create_default_context(cafile=certificate[0]),
+        ssl.create_default_context(Purpose.CLIENT_AUTH),
+    )
+    speaks.load_cert_chain(*certificate)
+    with studio("--name", "robot.example") as served, proxy(served.port, speaks) as port:
+
+        def get(path: str, **headers: str) -> HTTPResponse:
+            with closing(HTTPSConnection("127.0.0.1", port, context=trusting, timeout=PATIENCE)) as connection:
+                connection.request("GET", path, headers={"Host": "robot.example", **headers})
+                return connection.getresponse()
+
+        assert get("/").status == 401
+        entry = get(f"/?token={served.viewer}")
+        assert (entry.status, entry.headers["location"]) == (303, "/")
+        cookie = entry.headers["set-cookie"].partition(";")[0]
+        own = "https://robot.example"
+        assert get("/none.js", Origin=own, Cookie=cookie).status == 404
+        assert get("/none.js", Origin="https://other.example", Cookie=cookie).status == 403
+        assert get("/none.js", Host="other.example", Cookie=cookie).status == 403
+
+        def page(origin: str) -> ClientConnection:
+            way = socket.create_connection(("127.0.0.1", port))
+            headers = {"Cookie": cookie}
+            return connect(
+                "wss://robot.example/ws", sock=way, ssl=trusting, origin=Origin(origin), additional_headers=headers
+            )
+
+        with pytest.raises(InvalidStatus, match="403"):
+            page("https://other.example")
+        with page(own) as browser:
+            browser.send('{"do": "hello", "version": "1"}')
+            assert json.loads(browser.recv(timeout=PATIENCE))["role"] == "viewer"
+            client = Client(browser)
+            assert client.ask("stop")["ok"]
+            assert client.ask("mission", name="greet")["result"]["drawing"]
+
+
+def test_no_header_of_a_proxy_lets_anybody_in(served: Served) -> None:
+    forged = {"X-Forwarded-For": "127.0.0.1", "X-Forwarded-Host": served.host, "Forwarded": "for=127.0.0.1"}
+    assert served.get("/", **forged)[0] == 401
+    assert served.get("/", Host="other.example", **{"X-Forwarded-Host": served.host})[0] == 403
+
+
+def test_with_a_certificate_it_speaks_tls_and_its_cookie_stays_on_it(certificate: tuple[Path, Path]) -> None:
+    with studio("--certificate", str(certificate[0]), "--key", str(certificate[1])) as served:
         assert "https://" in served.process.lines[0]
-        trusting = ssl.create_default_context(cafile=str(certificate))
+        trusting = ssl.create_default_context(cafile=certificate[0])
         connection = HTTPSConnection("127.0.0.1", served.port, context=trusting, timeout=PATIENCE)
         with closing(connection):
             connection.request("GET", f"/?token={served.operator}")
