@@ -1,7 +1,7 @@
 """Joints of a robot of ROS 2: where they are by JointState, where they are to be by a topic of their controller."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from math import inf
 from threading import RLock
 
@@ -43,11 +43,10 @@ class TopicJoints(Enabling):
         name: str = "arm",
         away: Away | None = None,
         report: Report = ignore,
-        changed: Callable[[], None] = ignore,
     ) -> None:
         self.name = name
         self._link, self._clock, self._channels, self._joints = link, clock, list(channels), dict(joints)
-        self._report, self._changed = guarded(report), guarded(changed)
+        self._report = guarded(report)
         self._bounds, self._felt = Bounds(name, self._joints, self._report), Felt(self._joints)
         self._lock = RLock()  # over what is sent, whoever sends it
         self._absence = Absence(away)
@@ -187,7 +186,6 @@ class TopicJoints(Enabling):
                     self._kinds[number] = kind
                 elif channel == 0 and self._felt.take(types().decode(STATE, payload), self._clock.now()):
                     self._counters["reports"] += 1
-                    self._changed()
             except (Malformed, ValueError, LookupError):
                 self._counters["malformed"] += 1
 

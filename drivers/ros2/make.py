@@ -105,9 +105,7 @@ def _joints(part: str, keys: Ros2ArmKeys | Ros2HeadKeys, joints: Mapping[str, To
     nodes: Ros2Graph = site.parts["ros2"]
     channels = channels_of(keys.states, keys.command, joints, nodes.full)
     line = link(part, nodes.node, channels, site.report)
-    return TopicJoints(
-        line, site.clock, channels, joints, name=part, away=keys.away, report=site.report, changed=site.changed
-    )
+    return TopicJoints(line, site.clock, channels, joints, name=part, away=keys.away, report=site.report)
 
 
 def arm(keys: Ros2ArmKeys, site: Site) -> TopicJoints:

@@ -69,7 +69,7 @@ def driven(what: frozenset[str]) -> Iterator[tuple[str, Ros2Base, Any, Any]]:
 
 def reached() -> list[float]:
     """Return the seconds from each ``drive`` of a base at rest until the robot's side has a velocity that is not 0."""
-    found, heard, chance = [], Event(), np.random.default_rng(1)
+    found, heard, chance = list[float](), Event(), np.random.default_rng(1)
     with driven(frozenset({"odometry"})) as (address, wheels, _, _), ExitStack() as closed:
         session = open_session("beside", Access((address,)))
         closed.callback(session.close)

@@ -75,7 +75,6 @@ class TopicArm(InSimulatedTime, ArmRig):
             JOINTS,
             away=AWAY,
             report=self.notices.append,
-            changed=self.changed,
         )
 
     def truth(self, joint: str) -> float:

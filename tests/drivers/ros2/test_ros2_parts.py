@@ -63,7 +63,9 @@ class Robot:
         self.terminal.devices.append(self.ear)
         keys = ZenohKeys(router=self.terminal.path, namespace="/tiago", domain=7)
         self.graph: Ros2Graph = make_graph(keys, Site(self.clock))
-        site = Site(self.clock, report=self.told.append, parts={"ros2": self.graph})
+        self.woken = list[None]()
+        parts = {"ros2": self.graph}
+        site = Site(self.clock, report=self.told.append, changed=lambda: self.woken.append(None), parts=parts)
         self.arm: TopicJoints = make_arm(ARM, site)
         self.head: Ros2Head = make_head(HEAD, site)
         self.voice: Ros2Voice = make_voice(Ros2VoiceKeys(), site)
@@ -116,6 +118,14 @@ def test_arm_head_and_voice_do_what_they_are_told(robot: Robot) -> None:
     pose = robot.head.pose().value
     assert pose is not None
     assert pose.tilt == pytest.approx(0.2, abs=0.02)
+
+
+@pytest.mark.real_time
+def test_joints_that_tell_that_they_stand_wake_no_mission(robot: Robot) -> None:
+    robot.open()
+    before, told = len(robot.woken), robot.arm.health().counters["reports"]
+    wait_until(lambda: robot.arm.health().counters["reports"] >= told + 20)
+    assert len(robot.woken) - before <= 2
 
 
 @pytest.mark.real_time
