@@ -101,7 +101,7 @@ def _solve(shape: _Shape, position: Floats, rotation: Floats, sign: Floats) -> S
         pitch = np.arctan2(-rotation[..., 2, 0], up)
         hip_pitch, bend, short = _triangle(shape, hip[..., 0], hip[..., 1] * sr + hip[..., 2] * cr, pitch)
     reason = np.where(~finite, 5, np.where(beyond, 3, np.where(flat < DEGENERATE, 4, short)))
-    pitches = _wrapped(np.stack((hip_pitch, bend, pitch - hip_pitch - bend, roll), axis=-1))
+    pitches = wrapped(np.stack((hip_pitch, bend, pitch - hip_pitch - bend, roll), axis=-1))
     angles = np.concatenate((turn[..., None], hip_roll[..., None], pitches), axis=-1) * sign
     return Solution(np.where((reason == 0)[..., None], angles, np.nan), reason)
 
@@ -142,7 +142,8 @@ def _bearing(way: Floats) -> Floats:
     return found
 
 
-def _wrapped(angle: Floats) -> Floats:
+def wrapped(angle: Floats) -> Floats:
+    """Return angles within a turn: above -pi, up to pi."""
     found: Floats = np.pi - np.mod(np.pi - angle, 2 * np.pi)
     return found
 
