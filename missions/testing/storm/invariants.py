@@ -97,7 +97,7 @@ def claimed_motion(seen: Witness) -> Iterator[str]:
                 yield f"at {now.time:.2f} s {axis} of the {part} turns, and nobody claims the {' or the '.join(owners)}"
     for command in seen.commands:
         leaf = seen.leaf(command)
-        moves = {"linear", "pan", "follow"} & command.values.keys() or command.to == "arm"
+        moves = {"linear", "pan", "follow"} & command.values.keys() or seen.kind(command.to) == "arm"
         if leaf is not None and moves and command.to not in leaf.claims and "hold" not in command.values:
             yield f"{leaf.place} commands the {command.to} ({dict(command.values)}), which it does not claim"
 
@@ -210,7 +210,8 @@ def battery(seen: Witness) -> Iterator[str]:
 @invariant("what was decided before a part was away for long moves it no more")
 def anew(seen: Witness) -> Iterator[str]:
     """Look at what moves from its return on, until a behaviour begins that drives it."""
-    for part, owners in (("base", {"base"}), ("arm", {"arm", "head"} if neck_joints(seen) else {"arm"})):
+    others = ((part, {part}) for part, kind in seen.config.others.items() if kind == "arm")
+    for part, owners in (("base", {"base"}), ("arm", {"arm", "head"} if neck_joints(seen) else {"arm"}), *others):
         leaves = {key: leaf for key, leaf in seen.leaves.items() if leaf.claims & owners}
         if any(getattr(leaf, "way", "") == LEFT for leaf in leaves.values()):
             continue  # what it has left moving goes on
@@ -228,9 +229,9 @@ def anew(seen: Witness) -> Iterator[str]:
                     continue
                 if part == "base" and max(map(abs, now.speeds)) > STILL and now.time - by_hand > WAY_OUT:
                     yield f"at {now.time:.2f} s the base moves at {now.speeds}, as before it was away"
-                for (owner, axis), turned in turns(before, now):
+                for axis, turned in ((axis, by) for (owner, axis), by in turns(before, now) if owner == part):
                     own_way = by_itself(seen, part, now.time) or back_within(seen, before, part, axis, turned)
-                    if owner == part and abs(turned) > STILL and not own_way:
+                    if abs(turned) > STILL and not own_way:
                         yield f"at {now.time:.2f} s {axis} of the {part} turns, as before it was away"
 
 

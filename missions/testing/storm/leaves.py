@@ -9,7 +9,7 @@ from behaviours.leaf import RUNNING, SUCCESS, Leaf, argument
 from drivers.api import HeadPose, Velocity
 from drivers.errors import DeviceFault, NotConnected
 
-LEFT = "leaves"
+LEFT, STOPS_NOT = "leaves", "never stops"
 
 WAYS = (
     "raises",
@@ -17,7 +17,7 @@ WAYS = (
     "raises at end",
     "lies",
     "never halts",
-    "never stops",
+    STOPS_NOT,
     "comes late",
     LEFT,
     "is offline",
@@ -27,13 +27,13 @@ WAYS = (
 that ``comes late`` fails until it is ticked for the last time of some; one that ``leaves`` succeeds, and what it moves
 goes on."""
 
-ENDLESS = ("never halts", "never stops")
+ENDLESS = ("never halts", STOPS_NOT)
 """The ways of those that go on for ever, and say after a halt that they still stop."""
 
 DOOMED = ("raises", "raises at start", "lies", "faults")
 """The ways of those that cannot succeed."""
 
-CARELESS = ("raises", "lies", "never halts", "never stops", "faults")
+CARELESS = ("raises", "lies", "never halts", STOPS_NOT, "faults")
 """The ways of those that have no ``terminate``: were they to succeed, what they move would rightly go on."""
 
 GOALS = {"fast": 99.0, "nan": nan, "endless": inf, "mild": 0.2}
@@ -90,7 +90,7 @@ class Rogue(Leaf):
         if self.way == "raises at end":
             raise _error("raises")
         left = self.way == LEFT and (new_status is SUCCESS or "base" in self.drives)  # whose velocity expires
-        if not left and self.way != "never stops":
+        if not left and self.way != STOPS_NOT:
             self._still()
 
     def halting(self) -> bool:
@@ -122,10 +122,11 @@ class RogueBase(Rogue):
 
 
 class RogueHead(Rogue):
-    """One that turns the head."""
+    """One that turns a head."""
 
     word = "rogue_head"
     needs = drives = frozenset({"head"})
+    on: str = argument("head", "which head", default="head")
 
     def _ask(self, goal: float) -> None:
         self.robot.head.look(HeadPose(goal, -goal))
@@ -135,10 +136,11 @@ class RogueHead(Rogue):
 
 
 class RogueArm(Rogue):
-    """One that moves all joints of the arm."""
+    """One that moves all joints of an arm."""
 
     word = "rogue_arm"
     needs = drives = frozenset({"arm"})
+    on: str = argument("arm", "which arm", default="arm")
 
     def _ask(self, goal: float) -> None:
         self.robot.arm.move(dict.fromkeys(self.robot.arm.limits, goal))
@@ -155,14 +157,14 @@ class CarelessBase(RogueBase):
 
 
 class CarelessHead(RogueHead):
-    """One that turns the head, and says nothing of how it stops."""
+    """One that turns a head, and says nothing of how it stops."""
 
     word = "careless_head"
     terminate = Leaf.terminate
 
 
 class CarelessArm(RogueArm):
-    """One that moves the arm, and says nothing of how it stops."""
+    """One that moves an arm, and says nothing of how it stops."""
 
     word = "careless_arm"
     terminate = Leaf.terminate

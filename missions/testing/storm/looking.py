@@ -46,7 +46,7 @@ def by_itself(seen: Witness, part: str, now: float) -> bool:
     hands = [each.start for each in seen.struck if each.part == part and each.state in ("turned", "overloaded")]
     carrier = "arm" if part == "head" and neck_joints(seen) else part
     came = [*seen.back.get(part, []), *seen.back.get(carrier, [])]
-    return recently(sorted(hands), now, HAND) or (part != "arm" and recently(sorted(came), now, RETURN))
+    return recently(sorted(hands), now, HAND) or (seen.kind(part) != "arm" and recently(sorted(came), now, RETURN))
 
 
 def back_within(seen: Witness, before: Truth, part: str, axis: str, turned: float) -> bool:

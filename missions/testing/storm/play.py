@@ -11,7 +11,6 @@ from tempfile import TemporaryDirectory
 
 from config.reading import files_read
 from drivers.api import ignore
-from drivers.api.kinds import KINDS
 from drivers.clock import SystemClock
 from drivers.errors import DriverError
 from missions.executive.executive import Result
@@ -101,7 +100,8 @@ def play(weather: Weather) -> Outcome:
     result = witness.history.result or Result("", "error", "", 0.0, 0)
     struck: dict[str, int] = {}
     for mishap in witness.struck:
-        part = mishap.part if mishap.part in (*KINDS, "run") else "second head"
+        kind = witness.kind(mishap.part)
+        part = kind if kind == mishap.part else f"second {kind}"
         words = f"{part} {mishap.state}{mishap.detail if mishap.detail == IN_TICK else ''}"
         struck[words] = struck.get(words, 0) + 1
     if witness.record is not None and witness.record.struck:

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
+from config.units import article
 from missions.testing.storm.invariants import INVARIANTS
 from missions.testing.storm.play import AGAIN, Outcome
 
@@ -58,9 +59,8 @@ def schedule(outcome: Outcome) -> str:
     """Return what one seed stands for, and what came of it."""
     weather = outcome.weather
     world = ", ".join((weather.world, *(f"{name} {value:g}" for name, value in weather.physics.items())))
-    robot = (
-        f"{weather.robot}{' with a mast' if weather.mast else ''}, {weather.pace:.0%} of its speed, {weather.rate} Hz"
-    )
+    others = "".join(f" with {article(name)}" for name in weather.others)
+    robot = f"{weather.robot}{others}, {weather.pace:.0%} of its speed, {weather.rate} Hz"
     return "\n".join(
         [
             f"seed {weather.seed}: {robot}; {world}; eyes: {weather.eyes}; {weather.seconds:g} s at most",

@@ -39,7 +39,7 @@ def shrunk(outcome: Outcome, told: Callable[[Outcome], object] = lambda _: None)
         {"pace": 1.0},
         {"rate": 20},
         {"world": "empty"},
-        {"mast": False},
+        {"others": ()},
         {"stop_at": 0},
         {"hangs": 0.0},
         {"alone": False},

@@ -1,11 +1,23 @@
 """Missions by chance, as text: composites, modifiers and leaves of the language, for what a robot has."""
 
 import json
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from random import Random
 from typing import Any
 
-from missions.testing.storm.leaves import CARELESS, GOALS, LEFT, WAYS
+from behaviours.catalogue import LEAVES as KNOWN
+from behaviours.leaf import Leaf
+from drivers.api.kinds import SEVERAL
+from missions.testing.storm.leaves import (
+    CARELESS,
+    GOALS,
+    LEFT,
+    WAYS,
+    CarelessArm,
+    CarelessHead,
+    RogueArm,
+    RogueHead,
+)
 
 OFTEN = 0.7
 """The share of missions that begin again once they have ended."""
@@ -19,6 +31,12 @@ end while something moves."""
 
 ROGUES = 0.25
 """The share of leaves that misbehave, beside those that are drawn with the others."""
+
+OF_OTHERS = 0.4
+"""The share of leaves that a further part can do, where there is one, beside those that are drawn with the others."""
+
+LED = ("mirror", "mirror", "follow_joint")
+"""Leaves by which one joint leads another, of the same arm or of two."""
 
 Draw = Callable[[Random], Any]
 
@@ -112,15 +130,24 @@ LEAVES: Mapping[str, tuple[Collection[str], Draw]] = {
 """Leaves: the parts that each needs, and what it is given."""
 
 
+OWN: Mapping[str, type[Leaf]] = {leaf.word: leaf for leaf in (RogueHead, RogueArm, CarelessHead, CarelessArm)}
+"""Leaves of the storm that say on which part they work."""
+
+Limits = Mapping[str, tuple[float, float]]
+"""How far each joint of an arm goes, in degrees."""
+
+
 class Trees:
-    """Draws missions for a robot with these ``parts``, ``joints`` and further ``heads``."""
+    """Draws missions for a robot with these ``parts``, ``joints`` of each arm, and the kinds of ``others`` by name."""
 
     def __init__(
-        self, chance: Random, parts: Collection[str], joints: Mapping[str, tuple[float, float]], heads: Sequence[str]
+        self, chance: Random, parts: Collection[str], joints: Mapping[str, Limits], others: Mapping[str, str]
     ) -> None:
-        self._chance, self._joints, self._heads = chance, joints, heads
-        self._words = [word for word, (needs, _) in LEAVES.items() if set(needs) <= set(parts)]
+        self._chance, self._joints, self._others = chance, joints, others
+        self._parts = frozenset(parts)
+        self._words = [word for word, (needs, _) in LEAVES.items() if self._has(word, needs)]
         self._words += ["move_joints", "move_joints", "move_joints", "sweep"] if joints else []
+        self._words += LED * 4 if {*joints} - {"arm"} else []
 
     def mission(self) -> str:
         """Return the text of a mission; whether it can be run is for the checker to say."""
@@ -152,15 +179,19 @@ class Trees:
         if not rogues:
             return self._tree(3)
         word = chance.choice(rogues)
-        first = {**_rogue(chance), "way": "comes late"}
-        second = {**_rogue(chance), "way": chance.choice(WAYS)}
+        named = self._named(word)
+        first = {**_rogue(chance), "way": "comes late", **named}
+        second = {**_rogue(chance), "way": chance.choice(WAYS), **named}
         return {"reactive_selector": [{word: first}, {word: second}, self._tree(1)]}
 
     def _cut(self) -> dict[str, Any]:
         chance = self._chance
         endless = {"way": "never stops", "goal": "fast", "after": 1}
-        leaves = [{word: endless} for word in self._words if word in ("rogue_head", "rogue_arm")]
-        leaves += [{"look": {"pan": chance.choice(["-75 deg", "75 deg"])}}] if "look" in self._words else []
+        leaves = [{word: endless | self._named(word)} for word in self._words if word in ("rogue_head", "rogue_arm")]
+        if "look" in self._words:
+            leaves += [{"look": {"pan": chance.choice(["-75 deg", "75 deg"]), **self._named("look")}}]
+        if "mirror" in self._words:
+            leaves += [{"mirror": self._led("mirror")}]
         leaf = chance.choice([*leaves, self._leaf()])
         moved = {**leaf, "timeout": _seconds(chance, 0.2, 0.8), "on_failure": "succeed"}
         return {"sequence": [moved, {"wait": _seconds(chance, 1.0, 4.0)}], "repeat": "forever"}
@@ -169,31 +200,77 @@ class Trees:
         rogues = [word for word in self._words if word.startswith("rogue_")]
         if not rogues:
             return self._tree(3)
-        return {self._chance.choice(rogues): {"way": LEFT, "goal": "fast", "after": self._chance.randint(1, 10)}}
+        word = self._chance.choice(rogues)
+        return {word: {"way": LEFT, "goal": "fast", "after": self._chance.randint(1, 10), **self._named(word)}}
 
     def _leaf(self) -> dict[str, Any]:
         chance = self._chance
         rogues = [word for word in self._words if word.startswith(("rogue", "careless"))]
-        word = chance.choice(rogues if chance.random() < ROGUES else self._words)
+        words = rogues if chance.random() < ROGUES else self._words
+        if self._others and chance.random() < OF_OTHERS:
+            words = [each for each in words if each in LED or _kind_of(each) in self._others.values()] or words
+        word = chance.choice(words)
+        if word in ("move_joints", "sweep"):
+            return {word: self._moved(word)}
+        if word in LED:
+            return {word: self._led(word)}
+        given, named = LEAVES[word][1](chance), self._named(word)
+        if named and not isinstance(given, dict):
+            given = {next(each.name for each in _leaf_of(word).arguments.values() if each.principal): given}
+        return {word: given | named if named else given}
+
+    def _has(self, word: str, needs: Collection[str]) -> bool:
+        """Whether the robot has what a leaf needs, or another of the kind that the leaf can be told to use."""
+        missing = {*needs} - self._parts
+        return not missing or (missing == {_kind_of(word)} and missing <= {*self._others.values()})
+
+    def _named(self, word: str) -> dict[str, str]:
+        """Return what says on which part a leaf works, by chance; nothing where there is no other, or it is not it."""
+        kind = _kind_of(word)
+        names = [name for name, its in self._others.items() if its == kind]
+        if not names:
+            return {}
+        name = self._chance.choice([*names, *({kind} & self._parts)])
+        return {} if name == kind else {"on": name}
+
+    def _moved(self, word: str) -> dict[str, Any]:
+        """Return what an arm is to do, by itself."""
+        chance, arm = self._chance, self._arm()
+        on = {} if arm == "arm" else {"on": arm}
         if word == "move_joints":
-            goals = {joint: self._within(joint) for joint in self._some()}
-            return {word: {"to": goals, "speed": f"{chance.randint(5, 60)} deg/s"}}
-        if word == "sweep":
-            joint = self._some()[0]
-            ends = sorted((self._within(joint), self._within(joint)), key=lambda it: float(it.split()[0]))
-            return {word: {"joints": [joint], "between": ends, "period": _seconds(chance, 2, 6)}}
-        given = LEAVES[word][1](chance)
-        if (
-            self._heads
-            and word in ("look", "scan", "nod", "sweep_head")
-            and isinstance(given, dict)
-            and chance.random() < 0.5
-        ):
-            given["on"] = chance.choice(self._heads)
-        return {word: given}
+            goals = {joint: self._within(arm, joint) for joint in self._some(arm)}
+            return {"to": goals, "speed": f"{chance.randint(5, 60)} deg/s", **on}
+        joint = self._some(arm)[0]
+        ends = sorted((self._within(arm, joint), self._within(arm, joint)), key=lambda it: float(it.split()[0]))
+        return {"joints": [joint], "between": ends, "period": _seconds(chance, 2, 6), **on}
 
-    def _some(self) -> list[str]:
-        return self._chance.sample(sorted(self._joints), self._chance.randint(1, min(3, len(self._joints))))
+    def _led(self, word: str) -> dict[str, Any]:
+        """Return which joints lead which, of one arm or of two."""
+        chance, leader, follower = self._chance, self._arm(), self._arm()
+        given: dict[str, Any] = {"on": follower} if leader == follower else {"on": follower, "leader_arm": leader}
+        if word == "mirror" and leader != follower and chance.random() < 0.5:
+            return given  # those of one name
+        given |= {"leader": self._some(leader)[0], "follower": self._some(follower)[0]}
+        given["scale"] = round(chance.uniform(-2, 2), 1)
+        return given | ({"past": f"{chance.randint(0, 20)} deg"} if word == "follow_joint" else {})
 
-    def _within(self, joint: str) -> str:
-        return f"{self._chance.uniform(*self._joints[joint]):.0f} deg"
+    def _arm(self) -> str:
+        return self._chance.choice(sorted(self._joints)) if len(self._joints) > 1 else next(iter(self._joints))
+
+    def _some(self, arm: str) -> list[str]:
+        joints = self._joints[arm]
+        return self._chance.sample(sorted(joints), self._chance.randint(1, min(3, len(joints))))
+
+    def _within(self, arm: str, joint: str) -> str:
+        return f"{self._chance.uniform(*self._joints[arm][joint]):.0f} deg"
+
+
+def _leaf_of(word: str) -> type[Leaf]:
+    return OWN.get(word) or KNOWN[word]
+
+
+def _kind_of(word: str) -> str:
+    """Return the kind of part that a leaf can be told to use; nothing for one that cannot."""
+    leaf = OWN.get(word) or KNOWN.get(word)
+    on = None if leaf is None else leaf.arguments.get("on")
+    return on.kind if on is not None and on.kind in SEVERAL else ""

@@ -14,6 +14,7 @@ from config.faults import InvalidFileError, Source
 from config.library import find
 from config.robot import RobotConfig
 from config.world import BatteryConfig, WorldConfig, load_world
+from drivers.api.sections import ArmKeys
 from missions.assembly.order import with_carriers
 from missions.assembly.target import target_of
 from missions.language.document import check_plan
@@ -22,6 +23,7 @@ from missions.library.drivers import robot_of
 from missions.library.shipped import load_mission, shipped_missions
 from missions.library.things import THINGS
 from missions.library.vocabulary import vocabulary
+from missions.testing.storm.others import OTHERS, others_of
 from missions.testing.storm.trees import Trees
 
 LEAVES = Path(__file__).with_name("leaves.py")
@@ -49,16 +51,6 @@ WORLDS = (
 
 DRAIN = 50.0
 """How many times as fast as a real one a battery empties, where it is not full."""
-
-MAST = """
-lidar_mast:
-  kind: head
-  driver: arduino_second
-  speed: 90 deg/s
-  pan: {servo: 2, limits: [-60 deg, 60 deg]}
-  tilt: {servo: 3}
-"""
-"""A second pan/tilt, for a robot with an Arduino."""
 
 WALKERS = ("humanoid",)
 """Robots whose base walks on the joints of their arm: they stand here."""
@@ -89,11 +81,11 @@ class Weather:
     """All that a run of the storm is made of: plain data, which can be sent to another process or written into a test.
 
     ``mission`` is the name of one that ships, or the text of one. ``pace`` is the share of the robot's speeds that it
-    may go, ``limbs`` that of its heads and arm; ``mast`` says whether it has a second head. ``faults`` are phrases of
-    test files. ``seconds`` after its start somebody ends the mission, if it has not ended by then. ``record`` says what
-    becomes of the run's record. At the command of number ``stop_at`` somebody stops it, for ``stop_for`` seconds,
-    between its tick and the device; that tick then ``hangs`` for some seconds. If the stop is ``alone``, nothing but
-    the latch holds the robot still: ticks go on.
+    may go, ``limbs`` that of its heads and arms; ``others`` are further parts of ``OTHERS`` that it has. ``faults`` are
+    phrases of test files. ``seconds`` after its start somebody ends the mission, if it has not ended by then.
+    ``record`` says what becomes of the run's record. At the command of number ``stop_at`` somebody stops it, for
+    ``stop_for`` seconds, between its tick and the device; that tick then ``hangs`` for some seconds. If the stop is
+    ``alone``, nothing but the latch holds the robot still: ticks go on.
     """
 
     seed: int
@@ -104,7 +96,7 @@ class Weather:
     faults: tuple[str, ...] = ()
     pace: float = 1.0
     rate: int = 20
-    mast: bool = False
+    others: tuple[str, ...] = ()
     physics: Physics = field(default_factory=dict)
     eyes: Literal["pixels", "truth"] = "truth"
     record: Record = ""
@@ -122,7 +114,7 @@ class Weather:
         text = re.sub(r"^rate: \d+ Hz", f"rate: {self.rate} Hz", text, flags=re.MULTILINE)
         if self.robot in WALKERS:
             text = re.sub(r"^base:\n(?:[ \t#].*\n|\n)*", "", text, flags=re.MULTILINE)
-        text += MAST if self.mast else ""
+        text += "".join(OTHERS[name] for name in self.others)
         return re.sub(r"\bspeed: ([\d.]+) deg/s", lambda it: f"speed: {float(it[1]) * self.limbs:.1f} deg/s", text)
 
     def robot_config(self) -> RobotConfig:
@@ -163,7 +155,7 @@ def draw(seed: int) -> Weather:
         round(chance.uniform(3.0, LONGEST), 2),
         pace=chance.choice([1.0, 1.0, 0.6, 0.3]),
         rate=chance.choice([20, 20, 10, 50]),
-        mast=robot == "turtlebot2_arm" and chance.random() < 0.3,
+        others=others_of(robot, chance),
         physics=_physics(chance),
         eyes="pixels" if chance.random() < 0.03 else "truth",
         limbs=chance.choice([1.0, 0.5, 0.2, 0.1, 0.1, 0.1]),
@@ -195,13 +187,12 @@ def _physics(chance: Random) -> Physics:
 
 def _with_mission(weather: Weather, config: RobotConfig, chance: Random) -> tuple[Weather, Plan]:
     """Return it with a mission that this robot can do: one that ships, or more often one by chance."""
-    joints = (
-        {}
-        if config.arm is None
-        else {name: (degrees(each.lower), degrees(each.upper)) for name, each in config.arm.limits.items()}
-    )
-    heads = [part for part in sorted(config.parts) if weather.mast and part == "lidar_mast"]
-    trees = Trees(chance, config.parts, joints, heads)
+    arms = {part: section.keys.limits for part, section in config.sections.items() if isinstance(section.keys, ArmKeys)}
+    joints = {
+        arm: {name: (degrees(each.lower), degrees(each.upper)) for name, each in limits.items()}
+        for arm, limits in arms.items()
+    }
+    trees = Trees(chance, config.parts, joints, config.others)
     for _ in range(TRIES):
         shipped = chance.random() < 0.2
         mission = chance.choice(sorted(shipped_missions())) if shipped else trees.mission()
@@ -216,10 +207,11 @@ def _with_mission(weather: Weather, config: RobotConfig, chance: Random) -> tupl
 
 def _schedule(weather: Weather, config: RobotConfig, parts: list[str], chance: Random) -> Iterator[str]:
     """Yield what goes wrong, and when: up to six things, of which some wait for a moment of the base."""
-    kinds = [kind for part in parts for kind in faults_of(part, weather.robot)] + RUN_FAULTS
+    kinds = [kind for part in parts for kind in faults_of(part, config.others.get(part, part), weather.robot)]
+    kinds += RUN_FAULTS
     for _ in range(chance.choice([0, 1, 2, 3, 4, 6])):
         words = chance.choice(kinds)
-        joint = chance.choice(sorted(config.arm.limits)) if config.arm is not None and "JOINT" in words else ""
+        joint = chance.choice(sorted(config.sections[words.split()[0]].keys.limits)) if "JOINT" in words else ""
         words = words.replace("JOINT", joint).replace("SIDE", chance.choice(["left", "centre", "right"]))
         words = words.replace("ANGLE", f"{chance.uniform(-60, 60):.0f} deg").replace(
             "SHARE", f"{chance.randint(3, 60)} %"
@@ -248,9 +240,9 @@ def _further(weather: Weather, parts: list[str], chance: Random) -> Iterator[str
 RUN_FAULTS = ["run stalled", "run stopped", "run paused", "run stopped"]
 
 
-def faults_of(part: str, robot: str) -> list[str]:
-    """Return what may happen to a part, as test files write it."""
-    match part:
+def faults_of(part: str, kind: str, robot: str) -> list[str]:
+    """Return what may happen to a part of a kind, as test files write it."""
+    match kind:
         case "base" if robot not in PLAIN:
             felt = [
                 "base bumped SIDE",
@@ -263,7 +255,7 @@ def faults_of(part: str, robot: str) -> list[str]:
         case "base":
             return ["base unplugged", "base driven"]
         case "arm":
-            return ["arm unplugged", "arm overloaded JOINT", "arm turned JOINT to ANGLE"]
+            return [f"{part} unplugged", f"{part} overloaded JOINT", f"{part} turned JOINT to ANGLE"]
         case "camera":
             return ["camera unplugged", "camera frozen", "camera covered", "camera slow"]
         case "microphone":

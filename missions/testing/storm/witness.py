@@ -14,7 +14,7 @@ from missions.executive.tick_record import TickRecord
 from missions.runner import Runner
 from missions.testing.history import History
 from missions.testing.mishaps import Mishap
-from missions.testing.storm.leaves import LEFT
+from missions.testing.storm.leaves import LEFT, STOPS_NOT
 from missions.testing.storm.record import StormRecord
 from missions.views.pictures.draw import drawing_of
 from missions.views.pictures.drawing import Drawing
@@ -85,8 +85,10 @@ class Witness:
         if isinstance(event, NodeChanged) and event.status != "idle" and event.node in self.leaves:
             leaf = self.leaves[event.node]
             self._claims(leaf, event.t)
-            self._left -= leaf.claims
-            if event.status == "success" and getattr(leaf, "way", "") == LEFT:
+            way = getattr(leaf, "way", "")
+            if (way, event.status) != (STOPS_NOT, "failure"):  # what was left moving goes on where that is refused
+                self._left -= leaf.claims
+            if event.status == "success" and way == LEFT:
                 self._left |= leaf.claims
         elif isinstance(event, Ticked):
             running = (leaf for leaf in self.leaves.values() if leaf.status is RUNNING or leaf.acting)
@@ -139,6 +141,10 @@ class Witness:
         """What parts were told."""
         return [event for event in self.events if isinstance(event, CommandSent)]
 
+    def kind(self, part: str) -> str:
+        """Return what a part is, which may go by a name of its own."""
+        return self.config.others.get(part, part)
+
     def leaf(self, command: CommandSent) -> Leaf | None:
         """Return who gave a command; None for what is no leaf."""
         return self.leaves.get(command.source.rpartition("(")[2].rstrip(")"))
@@ -165,8 +171,8 @@ class Witness:
                 speeds, source = (velocity.linear, velocity.angular), twin.steering().source
                 by_hand = source is not None and source != "mission"
                 latched, weak = bool(twin.latched), self._weak(twin.state())
-            elif part == "arm":
-                angles |= {("arm", joint): twin.true_angle(joint, now) for joint in twin.limits}
+            elif self.kind(part) == "arm":
+                angles |= {(part, joint): twin.true_angle(joint, now) for joint in twin.limits}
             elif hasattr(twin, "true_pose"):
                 pose = twin.true_pose(now)
                 angles |= {(part, "pan"): pose.pan, (part, "tilt"): pose.tilt}

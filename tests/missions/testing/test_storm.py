@@ -1,13 +1,16 @@
 """The storm: a seed stands for all that happens, what must hold does, and what breaks is made small and told."""
 
+import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from random import Random
 
 import pytest
 
 from behaviours.head import Look
 from behaviours.leaf import Leaf
+from behaviours.mirror import Mirror as Led
 from behaviours.stopping import Stopping
 from drivers.api import ignore
 from drivers.kobuki.steered import SteeredBase
@@ -15,9 +18,11 @@ from drivers.sim.twins.joints import JointsTwin
 from missions.executive.decided import Decided
 from missions.executive.executive import Executive
 from missions.testing.storm import invariants
+from missions.testing.storm.others import OTHERS, others_of
 from missions.testing.storm.play import play, play_seed, played_twice
 from missions.testing.storm.shrink import as_test, shrunk
-from missions.testing.storm.weather import Weather, draw
+from missions.testing.storm.trees import Trees
+from missions.testing.storm.weather import Weather, draw, faults_of
 from missions.testing.storm.witness import Witness
 from tests.missions.command import command
 
@@ -51,6 +56,24 @@ def test_all_that_must_hold_holds_in_a_breath_of_the_storm() -> None:
 def test_a_seed_stands_for_one_storm_and_each_for_another() -> None:
     assert draw(12) == draw(12)
     assert draw(12) != draw(13)
+
+
+def test_missions_of_robots_with_more_arms_and_heads_use_them_all() -> None:
+    joints = {arm: {"elbow": (-9.0, 9.0), "wrist": (0.0, 9.0)} for arm in ("arm", "right_arm")}
+    others = {"mast": "head", "right_arm": "arm"}
+    text = "".join(Trees(Random(seed), {"arm", *others}, joints, others).mission() for seed in range(50))  # noqa: S311
+    assert all(words in text for words in ('"leader_arm": "right_arm"', '"on": "mast"', '"on": "right_arm"'))
+    assert '{"look": {"pan"' in text
+    assert '"find_face"' not in text  # that is for the head with the camera
+
+
+def test_what_goes_wrong_with_a_second_arm_is_drawn_by_its_name() -> None:
+    assert faults_of("right_arm", "arm", "so101") == [
+        "right_arm unplugged",
+        "right_arm overloaded JOINT",
+        "right_arm turned JOINT to ANGLE",
+    ]
+    assert {name for seed in range(50) for name in others_of("turtlebot2_arm", Random(seed))} == {*OTHERS}  # noqa: S311
 
 
 def test_the_same_storm_happens_again_to_the_byte() -> None:
@@ -91,6 +114,11 @@ NEVER_STOPS = (
     'mission: never\ntree: {"sequence": [{"rogue_head": {"way": "never stops", "goal": "fast", "after": 3}, '
     '"timeout": "0.5 s", "on_failure": "succeed"}, {"wait": "4 s"}]}\n'
 )
+LED = (
+    'mission: led\ntree: {"sequence": [{"mirror": {"leader_arm": "arm", "on": "right_arm", "leader": "elbow", '
+    '"follower": "elbow", "offset": "50 deg"}, "timeout": "0.5 s", "on_failure": "succeed"}, {"wait": "4 s"}]}\n'
+)
+AWAY = 'mission: away\ntree: {"move_joints": {"to": {"elbow": "50 deg"}, "on": "right_arm", "patience": "20 s"}}\n'
 PAUSED = ("run paused at 1 s for 7 s", "base battery at 3 % at 1.2 s")
 
 
@@ -104,6 +132,12 @@ def slow(mission: str) -> Weather:
     return replace(weather(mission=mission), robot="turtlebot2_arm", limbs=0.1)
 
 
+def on_others(mission: str, part: str = "", faults: tuple[str, ...] = ()) -> Weather:
+    """Let a part under a name of its own do it, on a robot with a second arm and a second head."""
+    told = mission.replace('"after": 3', f'"after": 3, "on": "{part}"') if part else mission
+    return replace(slow(told), others=("mast", "right_arm"), faults=faults)
+
+
 @pytest.mark.parametrize(
     ("owner", "name", "fault", "shows", "promise"),
     [
@@ -114,6 +148,11 @@ def slow(mission: str) -> Weather:
         (Stopping, "_stop_safely", ignore, slow(NEVER_STOPS), "claimed_motion"),
         (Look, "terminate", ignore, slow(TURNS), "claimed_motion"),
         (JointsTwin, "rest", ignore, slow(LEAVES_IT), "at_rest"),
+        (JointsTwin, "rest", ignore, on_others(LEAVES_IT, "right_arm"), "at_rest"),
+        (Stopping, "_stopped", never_stopped, on_others(NEVER_STOPS, "mast"), "halted"),
+        (Stopping, "_stop_safely", ignore, on_others(NEVER_STOPS, "mast"), "claimed_motion"),
+        (Led, "terminate", ignore, on_others(LED), "claimed_motion"),
+        (Decided, "__call__", ignore, on_others(AWAY, faults=("right_arm unplugged at 1 s for 2 s",)), "anew"),
     ],
 )
 def test_a_promise_is_held_and_is_seen_to_be_broken_where_the_code_has_a_fault(
@@ -122,6 +161,14 @@ def test_a_promise_is_held_and_is_seen_to_be_broken_where_the_code_has_a_fault(
     assert play(shows).broken == {}
     monkeypatch.setattr(owner, name, fault)
     assert promise in play(shows).broken
+
+
+def test_what_was_left_moving_goes_on_where_another_is_refused_what_it_asks_for() -> None:
+    left, refused = (
+        {"way": way, "goal": goal, "after": 3} for way, goal in (("leaves", "fast"), ("never stops", "nan"))
+    )
+    steps = [{"rogue_arm": left}, {"rogue_arm": refused, "on_failure": "succeed"}, {"wait": "3 s"}]
+    assert play(slow(f"mission: left\ntree: {json.dumps({'sequence': steps})}\n")).broken == {}
 
 
 @pytest.mark.usefixtures("no_bumps")
