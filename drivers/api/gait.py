@@ -30,6 +30,7 @@ class WalkKeys:
     period: float | None = key("duration", default=None, low=0.3, high=5.0, help="The time of two steps.")
     double_support: float | None = key("share", default=None, low=0.05, high=0.8, help="The share on both feet.")
     rise: float | None = key("length", default=None, low=0.0, high=0.3, help="How high a foot is lifted.")
+    sway: float | None = key("length", default=None, low=0.0, high=0.2, help="How far it sways to either side.")
     height: float | None = key("length", default=None, low=0.05, high=2.0, help="From the soles to the trunk.")
     feet: float | None = key("length", default=None, low=0.01, help="From one sole to the other.")
 

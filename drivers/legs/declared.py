@@ -135,6 +135,9 @@ class StrideKeys:
     height: float = key("length", low=0.05, high=2.0, help="From the soles to the trunk's origin.")
     feet: float | None = key("length", default=None, low=0.01, help="From one sole to the other; else as at 0.")
     inset: float = key("length", default=0.0, help="How far inside of a sole's middle it stands on it.")
+    sway: float | None = key(
+        "length", default=None, low=0.0, high=0.2, help="How far the body sways to either side; else as `inset` has it."
+    )
     lean: float = key("angle", default=0.0, low=-0.6, high=0.6, help="How far the trunk leans ahead.")
     sit: float | None = key("length", default=None, low=0.05, help="The same when it sits; else 70 % of `height`.")
     longest: float = key("length", default=0.08, low=0.001, help="The longest step: from one foot to the other.")

@@ -14,7 +14,7 @@ from drivers.legs.declared import StrideKeys
 from drivers.legs.kinematics import centre_over_legs, forward, sole, turning
 from drivers.legs.leg_ik import REASONS, solve_both
 from drivers.legs.pattern import Manner, Pattern, Spot
-from drivers.legs.walker import Walker
+from drivers.legs.walker import Walker, inset_of
 
 PERIOD = 0.01
 """Seconds from one posture to the next."""
@@ -113,7 +113,7 @@ def manner_of(body: Body, stride: StrideKeys) -> Manner:
         double_support=stride.double_support,
         rise=stride.rise,
         feet=feet,
-        inset=stride.inset,
+        inset=inset_of(stride, feet, leg.width, height),
         longest=stride.longest,
         widest=stride.widest,
         most_turn=stride.most_turn,

@@ -54,7 +54,7 @@ def of_keys(keys: GaitKeys, body: Body, stride: StrideKeys) -> Gait:
     """Return the gait of a file, for a body that walks with such strides. Raises BadRequest for one out of reach."""
     if keys.walk is not None:
         walk = keys.walk
-        own = {name: getattr(walk, name) for name in ("period", "double_support", "rise", "height", "feet")}
+        own = {name: getattr(walk, name) for name in ("period", "double_support", "rise", "sway", "height", "feet")}
         stride = replace(stride, **{name: value for name, value in own.items() if value is not None})
         return generated(keys.gait, body, stride, walk.step, walk.side, walk.turn)
     points = keys.points

@@ -6,7 +6,7 @@ follows xi by itself. So a walk is planned backwards: from where xi is to be in 
 """
 
 from collections.abc import Sequence
-from math import exp, hypot, sqrt
+from math import cosh, exp, hypot, sinh, sqrt
 
 GRAVITY = 9.81
 
@@ -44,6 +44,15 @@ def swayed(c: Point, xi: Point, p: Point, w: float, dt: float) -> tuple[Point, P
         p[1] + y * grow + (c[1] - p[1] - y) * fade,
     )
     return there, after
+
+
+def swaying(w: float, step: float, double_support: float) -> float:
+    """Return the share of its way that c sways in steps of so many seconds while p goes from side to side.
+
+    p stands still but for the share in double support: where it moves c follows a sinh, where it stands a cosh.
+    """
+    half = w * step * double_support / 2
+    return 1.0 - sinh(half) / (half * cosh(w * step / 2))
 
 
 Edge = tuple[float, float, float]

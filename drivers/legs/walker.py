@@ -7,12 +7,14 @@ to come, and led along that plan by the pressure, which stays within the soles.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import cos, hypot, pi, sin
+from math import ceil, cos, floor, hypot, pi, sin
 from typing import Literal
 
+from drivers.errors import BadRequest
 from drivers.legs.body import SIDES, Side
+from drivers.legs.declared import StrideKeys
 from drivers.legs.pattern import Manner, Pattern, Spot
-from drivers.legs.pendulum import Edge, Point, edges, margin, rate, shifting, standing, swayed, within
+from drivers.legs.pendulum import Edge, Point, edges, margin, rate, shifting, standing, swayed, swaying, within
 
 FORESEEN = 3
 """Steps that are planned beyond the present one: those after them count for less than a millimetre."""
@@ -57,6 +59,19 @@ class _Step:
     @property
     def duration(self) -> float:
         return self.both + self.alone
+
+
+def inset_of(stride: StrideKeys, feet: float, width: float, height: float) -> float:
+    """Return how far inside of a sole's middle it stands on it, to sway as asked. Raises BadRequest where none does."""
+    if stride.sway is None:
+        return stride.inset
+    share = swaying(rate(height), stride.period / 2, stride.double_support)
+    inset, most = feet / 2 - stride.sway / share, width / 2 - KEPT
+    if abs(inset) > most:
+        low, high = (1000 * share * (feet / 2 + each) for each in (-most, most))
+        told = f"base: a sway of {1000 * stride.sway:.0f} mm presses outside of the soles"
+        raise BadRequest(told, hint=f"with this stride, give sway {ceil(low)} to {floor(high)} mm")
+    return inset
 
 
 class Walker:

@@ -9,14 +9,14 @@ import pytest
 
 from drivers.api import STILL, DeviceStatus, Quality, Velocity
 from drivers.dynamixel.declared import DynamixelKeys
-from drivers.errors import DeviceFault, NotConnected
+from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.legs.body import SIDES, Body, Floats, body_of
 from drivers.legs.declared import LegsKeys, StrideKeys
 from drivers.legs.engine import PERIOD, Engine, Felt, Plan, Posture, manner_of, plan, whole
 from drivers.legs.kinematics import centre_of_mass, centre_over_legs, centres, forward, turning
 from drivers.legs.odometry import FootOdometry
 from drivers.legs.pattern import Spot
-from drivers.legs.pendulum import GRAVITY, edges, margin, swayed
+from drivers.legs.pendulum import GRAVITY, edges, margin, rate, swayed, swaying
 from drivers.legs.walker import Walker
 from drivers.sim.stage import Stage
 from drivers.sim.timeline import Timeline
@@ -82,6 +82,25 @@ def test_a_walk_keeps_the_limits_and_the_speeds_of_its_joints(name: str, command
     assert (walk.angles > [each.lower for each in limits]).all()
     assert (walk.angles < [each.upper for each in limits]).all()
     assert (np.abs(np.gradient(walk.angles, PERIOD, axis=0)).max(axis=0) < [each.speed for each in limits]).all()
+
+
+@pytest.mark.parametrize("name", ["humanoid", "op3"])
+@pytest.mark.parametrize("more", [-0.005, 0.0, 0.005])
+def test_it_sways_as_far_as_it_is_told_and_presses_that_much_nearer_to_an_edge(name: str, more: float) -> None:
+    body, stride, _ = described(name)
+    plain = manner_of(body, stride)
+    share = swaying(rate(plain.com_height), plain.step, plain.double_support)
+    stride = replace(stride, sway=share * plain.feet / 2 + more)
+    moments = plan(body, stride, (0.1, 0.0, 0.0), 8.0).patterns[400:]
+    assert max(abs(moment.centre[1]) for moment in moments) == pytest.approx(stride.sway, abs=5e-4)
+    assert min(moment.margin for moment in moments) == pytest.approx(plain.width / 2 - abs(more) / share, abs=2e-3)
+
+
+def test_a_sway_that_would_press_outside_of_the_soles_is_refused_with_what_can_be() -> None:
+    body, stride, _ = described("humanoid")
+    with pytest.raises(BadRequest, match="a sway of 100 mm presses outside of the soles") as refused:
+        manner_of(body, replace(stride, sway=0.1))
+    assert "give sway 8 to 31 mm" in str(refused.value.hint)
 
 
 @pytest.mark.parametrize("name", ["humanoid", "op3"])
