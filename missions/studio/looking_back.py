@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from drivers.clock import SystemClock
 from missions.executive.events import Ended
+from missions.records.comparison.runs import IncomparableError, compared
+from missions.records.comparison.words import as_json
 from missions.records.recording.faults import MAX_TIME, InvalidRecordError, message_in, understanding
 from missions.records.recording.items import EVENTS
 from missions.records.recording.read import Record, began_at, open_record
@@ -43,8 +45,8 @@ BEFORE = 16_000_000
 MOST_PLACES = 2000
 """Places of the base's way in one piece."""
 
-LARGEST_REPORT = 200_000_000
-"""Bytes of a record that is made a report of: that reads it whole."""
+LARGEST_WHOLE = 200_000_000
+"""Bytes of a record that is made a report of, or compared: that reads it whole."""
 
 TAIL = 4
 """Chunks at the end of a record in which its end is looked for."""
@@ -124,16 +126,22 @@ def record(command: Command) -> Json:
 
 def report(name: str) -> str:
     """Return the report of a record, as a page. Raises BadMessage for one that is too large."""
-    path = path_of(name)
-    if (size := path.stat().st_size) > LARGEST_REPORT:
-        told = (
-            f"{path}: {size / 1e6:.0f} MB are too much for a report in the studio (at most {LARGEST_REPORT / 1e6:.0f})"
-        )
-        raise BadMessage("bad_record", told, f"mission report {quote(str(path))}")
-    return page(study(open_record(path), most_pictures=MOST_PICTURES))
+    return page(study(_whole(name, f"mission report {quote(str(path_of(name)))}"), most_pictures=MOST_PICTURES))
 
 
-DOES: Mapping[str, Callable[[Command], Json]] = {"records": listed, "record": record}
+def compare(command: Command) -> Json:
+    """Answer `compare`."""
+    if not isinstance(command, wishes.Compare):
+        raise TypeError(command.word)
+    names = command.name, command.other
+    hint = f"mission record compare {' '.join(quote(str(path_of(name))) for name in names)}"
+    try:
+        return dict(as_json(compared(*(_whole(name, hint) for name in names))))
+    except IncomparableError as error:
+        raise BadMessage("bad_record", str(error)) from error
+
+
+DOES: Mapping[str, Callable[[Command], Json]] = {"records": listed, "record": record, "compare": compare}
 """What does each command."""
 
 
@@ -141,6 +149,15 @@ def messages(piece: Record, topics: frozenset[str], time: float = inf) -> "Itera
     """Yield what was told on topics up to a time: nothing else of the piece is read."""
     latest = began_at(piece.head) + (time + SAME) * 1e9
     return (message for message in piece.container.messages(topics) if message.time <= latest)
+
+
+def _whole(name: str, hint: str) -> Record:
+    """Return a record that is read whole. Raises BadMessage for one that is too large for that."""
+    path = path_of(name)
+    if (size := path.stat().st_size) > LARGEST_WHOLE:
+        told = f"{path}: {size / 1e6:.0f} MB are too much for this in the studio (at most {LARGEST_WHOLE / 1e6:.0f})"
+        raise BadMessage("bad_record", told, hint)
+    return open_record(path)
 
 
 def path_of(name: str) -> Path:

@@ -31,6 +31,7 @@ from missions.studio.wishes import (
     AddTask,
     ApproveTask,
     CancelTask,
+    Compare,
     Failsafe,
     Fleet,
     Hello,
@@ -54,7 +55,7 @@ COMMANDS: Mapping[str, type[Command]] = {
     for kind in (
         Hello, Library, Mission, World, Failsafe, Start, AddPerson, KeepTuning, Revoke,
         Watch, Seen, Stop, Release, Pause, Resume, Step, Halt, Fault, Tuned, Tune, Take, Give, Drive, Look,
-        Records, Record, Moment,
+        Records, Record, Moment, Compare,
         Tasks, AddTask, ApproveTask, MoveTask, CancelTask,
         Fleet, StopFleet, ReleaseFleet,
     )

@@ -135,6 +135,16 @@ class Moment(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Compare(Command):
+    """Answer with what two records of one mission on one robot differ in, as `mission record compare --json` does."""
+
+    word: ClassVar[str] = "compare"
+    role: ClassVar[Role] = "viewer"
+    name: Annotated[str, "As `records` names it.", Bound(high=255)]
+    other: Annotated[str, "The same of the other one.", Bound(high=255)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Tasks(Command):
     """Answer with the `tasks` of the queue, as `mission task list --json` has them, and whether it is `served`."""
 

@@ -26,10 +26,13 @@ function at(lane, t) {
 
 export class Record {
   gone = false; // whether nobody looks at it any more
+  led = null; // the one beside it that goes where it goes
+  leader = null;
   #link;
   #name;
   #record = null;
   #t = 0;
+  #end = 0;
   #asked = null;
   #busy = false;
   #playing = 0;
@@ -55,18 +58,41 @@ export class Record {
     this.#slider.addEventListener("input", () => this.go(Number(this.#slider.value)));
     this.#log.node.addEventListener("click", (event) => {
       const line = event.target.closest("li[data-t]");
-      if (line) this.go(Number(line.dataset.t));
+      if (line) (this.leader ?? this).go(Number(line.dataset.t));
     });
-    this.#open();
+    this.opened = this.#open();
+  }
+
+  get until() {
+    return this.#record?.until ?? 0;
+  }
+
+  /** Have another one (or none) go wherever this one goes, by one time line that is as long as the longer of both. */
+  async lead(other) {
+    this.led = other;
+    this.leader = null;
+    if (other) other.leader = this;
+    await Promise.all([this.opened, other?.opened]);
+    if (this.led !== other || !this.#record) return;
+    this.#end = Math.max(this.until, other?.until ?? 0);
+    for (const each of [this, other]) each?.#stretch(this.#end);
+    this.go(this.#t);
+  }
+
+  /** Make the time line so long; the end of it is a whole number of steps, so that it can be reached. */
+  #stretch(until) {
+    this.#slider.max = String(Math.ceil(until / STEP) * STEP);
+    this.#marks.setAttribute("viewBox", `0 0 ${(WIDE * until) / Math.max(this.until, STEP)} 12`);
   }
 
   /** Go to a moment: t seconds from the start of the run. */
   go(t) {
-    const { until } = this.#record;
+    const until = this.leader ? t : this.#end;
     this.#t = Math.max(0, Math.min(until, t));
+    if (this.led?.until) this.led.go(this.#t);
     this.#slider.value = this.#t;
     this.#slider.setAttribute("aria-valuetext", seconds(this.#t));
-    put(this.#clock, `${seconds(this.#t)} of ${seconds(until)}`);
+    put(this.#clock, `${seconds(this.#t)} of ${seconds(this.until)}`);
     if (this.#record.more === undefined) this.#stand(this.#t);
     let last = null;
     for (const line of this.#log.node.children) {
@@ -101,7 +127,7 @@ export class Record {
       return;
     }
     this.#record = record;
-    this.#slider.max = String(Math.ceil(record.until / STEP) * STEP); // a whole number of steps: the end can be reached
+    this.#stretch((this.#end = record.until));
     const skip = (back) => button(back ? "‹ Failure" : "Failure ›", () => this.#skip(back), { "aria-label": back ? "Previous failure" : "Next failure" });
     const facts = [plain(record.robot), reality(record.simulated), plain(record.world ?? ""), day(record.began)];
     const name = this.#link.welcome?.role === "operator" && encodeURIComponent(this.#name);
@@ -121,7 +147,7 @@ export class Record {
     if (record.world) this.#plan.under(this.#link, record.world);
     this.#add(record);
     this.go(record.result === "success" || record.more !== undefined ? record.until : (record.failures.at(-1) ?? record.until));
-    await this.#rest(record);
+    this.#rest(record);
   }
 
   #piece(more) {
@@ -170,13 +196,13 @@ export class Record {
       this.end();
       return;
     }
-    if (this.#t >= this.#record.until) this.go(0);
+    if (this.#t >= this.#end) this.go(0);
     put(this.#play, "Pause");
     let last = performance.now();
     const on = (now) => {
       this.go(this.#t + (now - last) / 1000);
       last = now;
-      if (this.#t >= this.#record.until || !this.node.isConnected) this.end();
+      if (this.#t >= this.#end || !this.node.isConnected) this.end();
       else this.#playing = requestAnimationFrame(on);
     };
     this.#playing = requestAnimationFrame(on);

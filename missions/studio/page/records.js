@@ -1,8 +1,8 @@
 // Records: what has run, and one of them, or two beside each other, looked at again.
 
-import { choice, el, panel, put, tell } from "./dom.js";
+import { button, choice, el, panel, put, tell } from "./dom.js";
 import { Record } from "./record.js";
-import { SIGNS, bytes, day, plain, reality, seconds } from "./words.js";
+import { SIGNS, bytes, day, ending, plain, reality, seconds } from "./words.js";
 
 export class Records {
   #link;
@@ -33,7 +33,27 @@ export class Records {
     this.#open = opened;
     this.node.replaceChildren(
       el("div", { class: "head" }, el("p", { class: "back" }, el("a", { href: "#records" }, "‹ all records")), this.#beside(wanted)),
+      wanted.length > 1 ? this.#compared(wanted) : "",
       el("div", { class: wanted.length > 1 ? "pair" : "one" }, [...opened.values()].map((each) => each.node)));
+    const [first, second] = opened.values();
+    second?.lead(null);
+    first.lead(second ?? null);
+  }
+
+  /** Where two records first decide differently, how they ended, and what they were run with. */
+  #compared([name, other]) {
+    const [said, table] = [el("p", null, "They are being compared…"), el("table")];
+    const became = (change) => (change ? `${seconds(change.t)}: ${change.status}${change.reason ? `, ${change.reason}` : ""}` : "did not get there");
+    const row = (what, a, b) => el("tr", null, el("th", { scope: "row" }, what), el("td", null, a), el("td", null, b));
+    const show = ({ a, b, nodes, settings, split }) => {
+      const there = split && Math.min(...[split.a, split.b].filter(Boolean).map((change) => change.t));
+      said.replaceChildren(...(split ? [`They first decide differently at ${split.name || split.kind}, line ${split.line}. `, button("Go there", () => this.#open.get(name)?.go(there))] : [`They decide alike: ${nodes} nodes compared, no difference.`]));
+      table.append(row("ended", ...[a, b].map(({ end }) => ending(end?.result ?? "", end?.reason ?? ""))));
+      if (split) table.append(row("decided", became(split.a), became(split.b)));
+      for (const [what, pair] of Object.entries(settings)) table.append(row(plain(what), pair.a ?? "–", pair.b ?? "–"));
+    };
+    this.#link.ask({ do: "compare", name, other }).then(show, (error) => put(said, `${error.message}${error.hint ? ` Try: ${error.hint}` : ""}`));
+    return panel("Compared", "compared", said, table);
   }
 
   hide() {

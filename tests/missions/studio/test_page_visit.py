@@ -2,18 +2,20 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
+from missions.executive.events import NodeChanged
 from missions.library.folders import checkup_file, state_folder
 from missions.studio import looking_back
 from missions.studio.form import BadMessage
 from missions.studio.ring import records_folder
 from tests.browser import Browser
-from tests.missions.records.report.told_record import items, write
+from tests.missions.records.report.told_record import FAILED, WHERE, items, write
 from tests.missions.studio.page import DESKTOP, PHONE, VIEWS, Page
 from tests.missions.studio.serving import Served, studio
 from tests.missions.views.pictures.drawn import HOSTILE
@@ -108,12 +110,34 @@ def test_the_report_of_a_strangers_record_is_read_and_is_no_part_of_the_studio(
     ]  # fmt: skip
 
 
+def test_two_records_are_compared_and_one_slider_moves_both(browser: Browser) -> None:
+    records = records_folder()
+    records.mkdir(parents=True, exist_ok=True)
+    one, other = items(), [each for each in items() if each.t < FAILED or not isinstance(each, NodeChanged)]
+    write(records / "monday.mcap", one)
+    write(records / "tuesday.mcap", other, head=replace(WHERE, seed=4711))
+    with studio() as served:
+        tab = (page := Page(browser, served, view="#records/monday.mcap/tuesday.mcap")).tab
+        page.wait_for("They first decide differently at drive, line 2.", "did not get there", "5.0 s: failure", "4711")
+        slider = tab.find("slider", "Time")  # there is one
+        clocks = "[...document.querySelectorAll('.record .clock')].map((each) => each.textContent.split(' of ')[0])"
+        slider.focus()
+        tab.press("Home")
+        wait_until(lambda: tab.evaluate(clocks) == ["0.0 s", "0.0 s"])
+        page.press("Go there")
+        wait_until(lambda: tab.evaluate(clocks) == ["5.0 s", "5.0 s"])
+        wait_until(lambda: tab.evaluate("document.querySelectorAll('.record .node.failure').length") == 2)
+        with served.client(served.viewer) as viewer:
+            assert viewer.ask("compare", name="monday.mcap", other="none")["error"] == "no_such_record"
+        assert tab.errors == []
+
+
 def test_a_record_too_large_for_a_report_says_what_to_type(monkeypatch: pytest.MonkeyPatch) -> None:
     records = records_folder()
     records.mkdir(parents=True, exist_ok=True)
     write(records / "long.mcap", items())
-    monkeypatch.setattr(looking_back, "LARGEST_REPORT", 100)
-    with pytest.raises(BadMessage, match=r"long\.mcap: .* too much for a report") as refused:
+    monkeypatch.setattr(looking_back, "LARGEST_WHOLE", 100)
+    with pytest.raises(BadMessage, match=r"long\.mcap: .* too much for this") as refused:
         looking_back.report("long.mcap")
     assert refused.value.hint.startswith("mission report ")
 
