@@ -4,6 +4,7 @@ Our packages have plain names (``config``, ``drivers``...), which something else
 working directory, a ROS ``PYTHONPATH``, another distribution. So before anything of ours is used, each is looked at.
 """
 
+import gc
 import json
 import os
 import signal
@@ -106,6 +107,7 @@ def main() -> None:
 
 
 def _main() -> None:
+    gc.disable()  # while modules are imported, which stay; `missions.cli.root` takes it up again
     problems = shadowed()
     if problems:
         told = [f"  {name}: {found}" for name, found in problems.items()]

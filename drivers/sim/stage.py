@@ -2,16 +2,18 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from drivers.api import HeadPose, Pose2D, Report, Steered, ignore
 from drivers.clock import Clock
 from drivers.sim.battery import Battery
 from drivers.sim.body import Body
-from drivers.sim.rigid.scene import Scene
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.wheels import Wheels
 from drivers.sim.world import World
+
+if TYPE_CHECKING:  # physics are asked for by few
+    from drivers.sim.rigid.scene import Scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +51,7 @@ class Stage:
     keys: Mapping[str, Any] = field(default_factory=dict)
     part: str = ""
     listen: str = ""
-    scene: Scene | None = None
+    scene: "Scene | None" = None
     viewpoint: Callable[[float], Viewpoint] = lambda _: Viewpoint()
     noise: float = 0.0
 

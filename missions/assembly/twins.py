@@ -2,23 +2,25 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from drivers.api import Device, Pose2D
-from drivers.sim.rigid.scene import Scene
 from drivers.sim.stage import TrueBase, TrueHead
 from drivers.sim.timeline import Timeline
 from drivers.sim.twins.base import BaseTwin
 from drivers.sim.twins.camera import CameraTwin
 from drivers.sim.twins.ears import HearingTwin
-from drivers.sim.twins.joints import JointsTwin
-from drivers.sim.twins.legs import LegsTwin
 from drivers.sim.twins.screen import ScreenTwin
 from drivers.sim.twins.voice import VoiceTwin
 from drivers.sim.viewpoint import Pinhole as Lens
 from drivers.sim.viewpoint import Viewpoint, mounted
 from drivers.sim.world import World
 from perception.api import Words
+
+if TYPE_CHECKING:  # what few robots have is not imported for the others
+    from drivers.sim.rigid.scene import Scene
+    from drivers.sim.twins.joints import JointsTwin
+    from drivers.sim.twins.legs import LegsTwin
 
 T = TypeVar("T")
 
@@ -37,7 +39,7 @@ class Twins:
     parts: dict[str, Any] = field(default_factory=dict)
     place: tuple[float, float, float] = (0.0, 0.0, 1.0)
     lens: Lens = field(default_factory=lambda: Lens(640, 480, 1.047))
-    scene: Scene | None = None
+    scene: "Scene | None" = None
 
     @property
     def devices(self) -> Mapping[str, Device]:
@@ -50,13 +52,19 @@ class Twins:
         return self._of("base", BaseTwin)
 
     @property
-    def legs(self) -> LegsTwin | None:
+    def legs(self) -> "LegsTwin | None":
         """The base, where it walks."""
+        if self.base is not None or "base" not in self.parts:
+            return None
+        from drivers.sim.twins.legs import LegsTwin  # noqa: PLC0415 - see above
+
         return self._of("base", LegsTwin)
 
     @property
-    def arms(self) -> Mapping[str, JointsTwin]:
+    def arms(self) -> "Mapping[str, JointsTwin]":
         """All arms, by the names of their parts."""
+        from drivers.sim.twins.joints import JointsTwin  # noqa: PLC0415 - see above
+
         return {part: twin for part, twin in self.parts.items() if isinstance(twin, JointsTwin)}
 
     @property

@@ -20,6 +20,7 @@ from missions.cli.options import tell_found
 from missions.cli.orders import check_events, check_film, check_order, check_pad
 from missions.cli.outputs import writing
 from missions.cli.recording import Recording, RecordWish
+from missions.cli.root import settle
 from missions.cli.whom import check_people
 from missions.executive.executive import Result
 from missions.executive.json_lines import JsonLines
@@ -111,6 +112,7 @@ def run(
             closing.enter_context(outputs.announcer)
         with shown, leashed(outputs.leash, runner.executive, runner.stream), control:
             tell_unreachable(control)
+            settle()
             result = runner.run()
     if written := _written(outputs, recording) if result.reason != GONE else []:
         with suppress(OSError):

@@ -320,3 +320,26 @@ def test_the_last_line_of_a_command_names_the_files_that_it_has_written(mission:
         last = [text.splitlines()[-1] for text in (outcome.out, outcome.err) if text]
         assert any(all(file in line for file in files) for line in last), (arguments, outcome)
         assert all(Path(file).exists() for file in files)
+
+
+RUBBISH = '''
+import gc
+
+from behaviours.leaf import FAILURE, SUCCESS, Leaf
+
+
+class Rubbish(Leaf):
+    """Fails where what the run was built of is searched for rubbish."""
+    word = "rubbish"
+
+    def update(self):
+        return SUCCESS if gc.isenabled() and gc.get_freeze_count() > 10 * len(gc.get_objects()) else FAILURE
+'''
+
+
+def test_what_a_run_was_built_of_is_not_searched_for_rubbish_in_its_ticks(tmp_path: Path) -> None:
+    (tmp_path / "leaves.py").write_text(RUBBISH)
+    (tmp_path / "m.yaml").write_text("mission: m\ntree: rubbish\n")
+    words = [sys.executable, "-m", "missions", "run", "m.yaml", "--behaviours", "leaves.py", "--simulate", "fast"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
