@@ -1,6 +1,7 @@
 """``mission list``: what there is to run, and what to run it on."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from config.library import shipped
 from config.object import load_object
 from config.world import load_world
 from drivers.api.driver import BrokenDriver
+from drivers.api.sections import ArmKeys
 from missions.cli.console import echo
 from missions.library.drivers import Table, load_robot
 from missions.library.shipped import load_mission, shipped_missions
@@ -27,7 +29,7 @@ KINDS = ("missions", "robots", "worlds", "gestures", "controllers", "objects", "
 def command(kind: str | None) -> None:
     """List what ships with MissionTree and what is yours, with a line on each; and the drivers, whoever they are of.
 
-    Behind a gesture stand the robots that can do it.
+    Behind a gesture stand the robots that can do it, and on which arm where that is a further one.
     """
     for each in KINDS if kind is None else (kind,):
         echo(each, "bold")
@@ -52,21 +54,38 @@ def _entries(kind: str) -> Iterator[tuple[str, str]]:
 
 def _own(kind: str) -> Iterator[tuple[str, str]]:
     """Yield the user's own files of a kind; one with mistakes hides none of the others."""
+    arms = _arms() if kind == "gestures" else {}
     for name, path in own_files(kind).items():
         try:
-            yield name, f"{_SUMMARIES[kind](path)} ({path})"
+            able = f" ({_able(path, arms)})" if kind == "gestures" else ""
+            yield name, f"{_SUMMARIES[kind](path)}{able} ({path})"
         except InvalidFileError as error:
             yield name, f"has {len(error.faults)} mistakes ({path})"
 
 
 def _gestures() -> Iterator[tuple[str, str]]:
-    """Yield every gesture with the robots of the library whose arms have its joints, and reach as far."""
-    arms = {name: arm for name, path in shipped("robots").items() if (arm := load_robot(path).arm) is not None}
+    """Yield every gesture with the robots that can do it."""
+    arms = _arms()
     for name, path in shipped("gestures").items():
-        gesture = load_gesture(path)
-        poses = [pose for _, pose in gesture.keyframes]
-        able = [robot for robot, arm in arms.items() if not JointRanges(arm.limits, arm.groups).beyond(poses)]
-        yield name, f"{gesture.summary} ({', '.join(able) or 'for none of these robots'})"
+        yield name, f"{load_gesture(path).summary} ({_able(path, arms)})"
+
+
+def _arms() -> dict[str, JointRanges]:
+    """Return how far the arms of all robots reach, the user's own too: by the robot, a further arm with its name."""
+    found = {}
+    for name, path in (shipped("robots") | own_files("robots")).items():
+        with suppress(InvalidFileError):  # which is told in the list of robots
+            for part, section in load_robot(path).sections.items():
+                if isinstance(arm := section.keys, ArmKeys):
+                    of = "" if part == "arm" else f" on: {part}"
+                    found[f"{name}{of}"] = JointRanges(arm.limits, arm.groups)
+    return found
+
+
+def _able(path: Path, arms: Mapping[str, JointRanges]) -> str:
+    """Say which arms have the joints of a gesture, and reach as far."""
+    poses = [pose for _, pose in load_gesture(path).keyframes]
+    return ", ".join(arm for arm, reach in arms.items() if not reach.beyond(poses)) or "for none of these robots"
 
 
 def _drivers() -> Iterator[tuple[str, str]]:

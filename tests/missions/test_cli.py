@@ -16,6 +16,8 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from behaviours.catalogue import LEAVES
+from config.defaults import config_folder
+from config.library import find
 from missions.cli.root import COMMANDS
 from tests.missions.command import Outcome, Process, command, events_of
 from tests.waiting import wait_until
@@ -299,6 +301,17 @@ def test_behind_each_gesture_stand_the_robots_that_can_do_it(mission: Mission) -
     lines = {line.split()[0]: line for line in mission("list", "gestures").out.splitlines()[1:]}
     assert lines["wave"].endswith("(humanoid)")
     assert lines["greeting"].endswith("(turtlebot2_arm)")
+
+
+def test_a_robot_of_ones_own_stands_behind_a_gesture_with_the_arm_that_can_do_it(mission: Mission) -> None:
+    folder = config_folder() / "robots"
+    folder.mkdir(parents=True)
+    arm = find("robots", "so101").read_text().partition("\narm:\n")[2].partition("\nvoice:")[0]
+    right = arm.replace("/dev/ttyACM0", "/dev/ttyACM1")
+    (folder / "pair.yaml").write_text(f"robot: pair\nright_arm:\n  kind: arm\n{right}")
+    (folder / "wrong.yaml").write_text("robt: wrong\n")
+    lines = {line.split()[0]: line for line in mission("list", "gestures").out.splitlines()[1:]}
+    assert lines["arm_wave"].endswith("(koch, so101, so101_leader, pair on: right_arm)")
 
 
 def test_the_last_line_of_a_command_names_the_files_that_it_has_written(mission: Mission) -> None:
