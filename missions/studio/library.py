@@ -5,7 +5,7 @@ started: no command leads elsewhere.
 """
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from functools import lru_cache
 from math import isfinite
@@ -31,6 +31,7 @@ from missions.studio.commands import Command
 from missions.studio.form import BadMessage
 from missions.studio.wishes import Mission, World
 from missions.views.pictures.draw import drawing_of
+from missions.views.pictures.drawing import Box
 from missions.views.pictures.plan import METRE, frame_of, plan
 from missions.views.pictures.tree_json import to_json
 
@@ -44,6 +45,10 @@ MOTIONS = tuple(
     )
 )  # fmt: skip
 """The motions of the TurtleBot course, in the order of their numbers."""
+
+
+MOST_DRAWN = 200
+"""Nodes of a mission that a list draws."""
 
 
 def names_of(kind: str) -> Mapping[str, Path]:
@@ -122,7 +127,15 @@ def _mission(name: str, path: Path, changed: int) -> Json:
         found = _load(name)
     except (InvalidFileError, UnknownNameError) as error:
         return {"name": name, "summary": "", "parts": [], "trouble": str(error)[:2000]}
-    return {"name": name, "summary": found.summary, "parts": sorted(found.tree.parts)}
+    parts, shape = sorted(found.tree.parts), list(_depths(drawing_of(found).root))[:MOST_DRAWN]
+    return {"name": name, "summary": found.summary, "parts": parts, "shape": shape}
+
+
+def _depths(box: Box, depth: int = 0) -> Iterator[int]:
+    """Yield how deep each node stands, in the order of the file."""
+    yield depth
+    for child in box.children:
+        yield from _depths(child, depth + 1)
 
 
 def _summary(name: str, path: Path, load: Callable[[Path], object]) -> Json:

@@ -3,6 +3,7 @@
 import { button, el, field, panel, put, tell, toggle } from "./dom.js";
 import { Params, Target } from "./form.js";
 import { links } from "./links.js";
+import { sketch } from "./sketch.js";
 import { plain } from "./words.js";
 import "./tree.js";
 
@@ -64,9 +65,9 @@ export class Run {
     const library = await this.#link.library();
     this.#target = new Target(library);
     this.#target.node.addEventListener("change", () => this.#named());
-    this.#list.replaceChildren(...library.missions.map(({ name, summary, trouble }) => {
+    this.#list.replaceChildren(...library.missions.map(({ name, summary, trouble, shape }) => {
       const words = `${name} ${plain(name)} ${summary}`.toLowerCase();
-      const link = el("a", { href: `#run/${encodeURIComponent(name)}` }, el("b", null, plain(name)), el("span", null, summary || trouble));
+      const link = el("a", { href: `#run/${encodeURIComponent(name)}` }, el("b", null, plain(name)), shape && sketch(shape), el("span", null, summary || trouble));
       return el("li", { "data-words": words }, link);
     }));
     this.#motions.replaceChildren(...library.motions.map((name, at) => {

@@ -38,6 +38,7 @@ def test_greet_is_run_from_its_form_watched_and_looked_at_again(
     tab = page.tab
     assert tab.evaluate("location.search") == ""  # the token is not to be seen any more
     page.wait_for("Look for a face, track it, greet it.")
+    assert tab.evaluate("!!document.querySelector('a[href$=greet] .sketch path').getAttribute('d')")
     page.click("link", "Greet")
     wait_until(lambda: page.enabled("Run simulated"))
     greeting = tab.find("textbox", "Greeting")

@@ -5,6 +5,7 @@ import signal
 import socket
 from collections.abc import Iterator
 from contextlib import ExitStack
+from itertools import pairwise
 from pathlib import Path
 
 import jsonschema
@@ -147,6 +148,9 @@ def test_a_mission_is_chosen_started_watched_and_looked_back_at(tmp_path: Path) 
     with studio() as served, served.client(served.operator) as client:
         library = client.ask("library")["result"]
         assert {"greet", "patrol"} <= {each["name"] for each in library["missions"]}
+        shapes = {each["name"]: each["shape"] for each in library["missions"]}
+        assert shapes["motions/forward"][0] == 0
+        assert all(below <= above + 1 for shape in shapes.values() for above, below in pairwise(shape))
         assert len(library["motions"]) == 8
         form = {each["name"]: each for each in client.ask("mission", name="patrol")["result"]["params"]}
         assert form["corners"]["low"] == "2"
