@@ -38,8 +38,12 @@ camera: {driver: ros2, width: 320, height: 240, field_of_view: 60 deg, position:
 voice: {driver: print}
 arm:
   driver: ros2
-  joints: {shoulder_lift: {}, shoulder_pan: {}, elbow: {}, upper_roll: {}, wrist_bend: {}, gripper: {}}
+  joints:
 """
+WAVING += "".join(
+    f"    {joint}: {{speed: 150 deg/s}}\n"
+    for joint in ("shoulder_lift", "shoulder_pan", "elbow", "upper_roll", "wrist_bend", "gripper")
+)
 
 
 @pytest.fixture
