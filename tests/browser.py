@@ -53,10 +53,10 @@ def chromium() -> str:
 
 
 class Browser:
-    """A browser of its own, with an empty profile; it ends with the ``with`` block."""
+    """A browser of its own, with an empty profile; it ends with the ``with`` block. ``more`` are further flags."""
 
-    def __init__(self, path: str) -> None:
-        self._path = path
+    def __init__(self, path: str, *more: str) -> None:
+        self._path, self._more = path, more
         self._target = ""
         self._profile = TemporaryDirectory(prefix="browser-", ignore_cleanup_errors=True)
 
@@ -68,7 +68,7 @@ class Browser:
         sandbox = ["--no-sandbox"] if os.geteuid() == 0 else []
         self._process = os.posix_spawn(
             self._path,
-            [self._path, *FLAGS, *sandbox, f"--user-data-dir={self._profile.name}", "about:blank"],
+            [self._path, *FLAGS, *self._more, *sandbox, f"--user-data-dir={self._profile.name}", "about:blank"],
             os.environ,
             file_actions=[
                 (os.POSIX_SPAWN_DUP2, ends[0], 3),

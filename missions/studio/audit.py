@@ -18,6 +18,7 @@ UNTOLD = frozenset(
         "hello",
         "watch",
         "seen",
+        "show_person",
         "drive",
         "look",
         "library",

@@ -135,7 +135,7 @@ def _plain(value: object, kind: Any, bound: Bound, name: str) -> object:
 
 def _text(value: object, bound: Bound, name: str) -> str:
     """Return a text that can be written to a file and be a word of a command line."""
-    longest = min(bound.high, LONGEST_TEXT)
+    longest = LONGEST_TEXT if bound.high == inf else bound.high
     if not isinstance(value, str) or len(value) > longest:
         raise _wrong(name, f"a text of at most {longest:g} characters", value)
     if "\0" in value or any("\ud800" <= letter <= "\udfff" for letter in value):

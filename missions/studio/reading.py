@@ -44,6 +44,7 @@ from missions.studio.wishes import (
     Records,
     ReleaseFleet,
     Revoke,
+    ShowPerson,
     Start,
     StopFleet,
     Tasks,
@@ -53,7 +54,7 @@ from missions.studio.wishes import (
 COMMANDS: Mapping[str, type[Command]] = {
     kind.word: kind
     for kind in (
-        Hello, Library, Mission, World, Failsafe, Start, AddPerson, KeepTuning, Revoke,
+        Hello, Library, Mission, World, Failsafe, Start, ShowPerson, AddPerson, KeepTuning, Revoke,
         Watch, Seen, Stop, Release, Pause, Resume, Step, Halt, Fault, Tuned, Tune, Take, Give, Drive, Look,
         Records, Record, Moment, Compare,
         Tasks, AddTask, ApproveTask, MoveTask, CancelTask,

@@ -9,18 +9,29 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Protocol
+from weakref import WeakKeyDictionary
 
 from missions.studio.access import Access
 from missions.studio.audit import UNTOLD, Audit
 from missions.studio.commands import KEY, Command, Role, Stop, Tuned
-from missions.studio.enrolling import add_person
+from missions.studio.enrolling import COUNT, add_person, picture_in
 from missions.studio.fleet import FleetDesk
 from missions.studio.form import BadMessage, written
 from missions.studio.hub import Hub
 from missions.studio.launch import Launcher
 from missions.studio.messages import VERSION, Runs, Welcome
 from missions.studio.reader import Reader
-from missions.studio.wishes import AddPerson, ApproveTask, Fleet, KeepTuning, ReleaseFleet, Revoke, Start, StopFleet
+from missions.studio.wishes import (
+    AddPerson,
+    ApproveTask,
+    Fleet,
+    KeepTuning,
+    ReleaseFleet,
+    Revoke,
+    ShowPerson,
+    Start,
+    StopFleet,
+)
 
 PAGE = Path(__file__).with_name("page")
 """The folder of the page: what is in it is served, and nothing else."""
@@ -65,6 +76,7 @@ class Studio:
         self._launcher = launcher
         self.fleet = FleetDesk()
         self._clients: set[Client] = set()
+        self._shown: WeakKeyDictionary[Client, deque[bytes]] = WeakKeyDictionary()  # pictures of somebody
         self._names = 0
         self._presses: deque[str] = deque(maxlen=MOST_PRESSES)
         self.versions = {edition(), str(VERSION)}
@@ -118,9 +130,15 @@ class Studio:
             begun = await self._launcher.start(command, stops)
             await self.hub.look()
             return begun
+        if isinstance(command, ShowPerson):
+            self._shown.setdefault(by, deque(maxlen=COUNT)).append(picture_in(command))
+            return {}
         if isinstance(command, AddPerson):
+            shown = self._shown.pop(by, ())
+            if not command.run:
+                return await add_person(command, [*shown])
             about = self.hub.known(command.run)
-            return await add_person(command, self.hub.watching(command.run), str(about["robot"]))
+            return await add_person(command, (), self.hub.watching(command.run), str(about["robot"]))
         if isinstance(command, KeepTuning):
             return await self._reader.keep(await self.hub.ask(command.run, {KEY: Tuned.word}))
         if isinstance(command, Fleet | StopFleet | ReleaseFleet):

@@ -77,12 +77,25 @@ class Start(Command):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ShowPerson(Command):
+    """Hand over a picture of somebody, for the `add_person` without a `run` that comes next of this client."""
+
+    word: ClassVar[str] = "show_person"
+    jpeg: Annotated[str, "The picture, as base64: of the last six of them somebody is known.", Bound(high=60_000)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AddPerson(Command):
-    """Let the robot know who stands before the camera of a run, alone: by `mission person add`. Ask them first."""
+    """Let the robot know who stands before the camera of a run, alone, or is in pictures that were handed over.
+
+    That goes by the rules of `mission person add`. Ask them first.
+    """
 
     word: ClassVar[str] = "add_person"
     name: Annotated[str, "What they are called.", Bound(high=60)]
-    run: Annotated[str, "Whose camera, as `runs` names it.", Bound(high=64)]
+    run: Annotated[
+        str, "Whose camera, as `runs` names it; empty for the pictures of `show_person`.", Bound(high=64)
+    ] = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,6 +3,7 @@
 import { button, el, field, panel, put, tell, toggle } from "./dom.js";
 import { Params, Target } from "./form.js";
 import { links } from "./links.js";
+import { pose } from "./pose.js";
 import { sketch } from "./sketch.js";
 import { plain } from "./words.js";
 import "./tree.js";
@@ -20,8 +21,10 @@ export class Run {
   #motions = el("div", { class: "motions", role: "group", "aria-label": "The eight motions" });
   #people = el("p", { class: "hint" });
   #person = el("input", { type: "text", autocomplete: "off" });
-  #enrol = button("Add with the robot's camera", () => this.#add());
-  #enrolling = el("div", { hidden: true }, field("Name", this.#person, "of who stands alone before the camera of the run above, and wants to be known"), this.#enrol);
+  #enrol = button("Add with the robot's camera", () => this.#add(false));
+  #enrolHere = button("Add with this browser's camera", () => this.#add(true));
+  #seen = el("div", { class: "pose" });
+  #enrolling = el("div", { hidden: true }, field("Name", this.#person, "of who stands alone before the camera, and wants to be known"), el("div", { class: "actions" }, this.#enrol, this.#enrolHere), this.#seen);
   #checkup = el("div", { class: "hint" });
   #form = el("div", { class: "chosen" });
   #links = el("div", { hidden: true });
@@ -80,22 +83,23 @@ export class Run {
     return library;
   }
 
-  /** Let the robot know who stands before the camera of the run that is shown. */
-  async #add() {
+  /** Let the robot know who stands before the camera of this browser (`here`), or of the run that is shown. */
+  async #add(here) {
     const name = this.#person.value.trim();
-    this.#enrol.disabled = true;
+    this.#enrol.disabled = this.#enrolHere.disabled = true;
     try {
       if (!name) throw new Error("What are they called?");
-      if (!this.#watcher.lives) throw new Error("Nothing runs: a camera is seen by way of a run, such as Drive without a mission.");
+      if (!here && !this.#watcher.lives) throw new Error("Nothing runs: a camera is seen by way of a run, such as Drive without a mission.");
       tell("Look into the camera, and turn your head a little to each side…", "good");
-      const { message } = await this.#link.ask({ do: "add_person", name, run: this.#watcher.run }, 70000);
+      if (here) await pose(this.#seen, (jpeg) => this.#link.ask({ do: "show_person", jpeg }));
+      const { message } = await this.#link.ask({ do: "add_person", name, run: here ? "" : this.#watcher.run }, 70000);
       tell(message, "good");
       this.#library = null;
       await this.show(this.#chosen);
     } catch (error) {
       tell(error);
     } finally {
-      this.#enrol.disabled = false;
+      this.#enrol.disabled = this.#enrolHere.disabled = false;
     }
   }
 

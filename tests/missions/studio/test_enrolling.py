@@ -1,10 +1,27 @@
 """Who stands before the camera of a run is known to the robot then, by the rules of `mission person add`."""
 
+import asyncio
+import base64
+from math import radians
 from pathlib import Path
+from typing import Any, cast
 
+import cv2
 import pytest
 
-from tests.browser import Browser
+from drivers.sim.people import Person
+from drivers.sim.render import Renderer
+from drivers.sim.viewpoint import Pinhole, Viewpoint
+from drivers.sim.world import World
+from missions.library.folders import state_folder
+from missions.studio.access import Access
+from missions.studio.audit import Audit
+from missions.studio.commands import Command
+from missions.studio.form import BadMessage
+from missions.studio.launch import Launcher
+from missions.studio.studio import Studio
+from missions.studio.wishes import AddPerson, ShowPerson
+from tests.browser import Browser, chromium
 from tests.missions.command import Process
 from tests.missions.studio.page import Page
 from tests.missions.studio.serving import studio
@@ -40,3 +57,46 @@ def test_somebody_is_known_once_the_camera_of_a_run_has_seen_them(browser: Brows
     finally:
         process.process.terminate()
         process.end()
+
+
+def test_somebody_is_known_by_the_camera_of_the_browser(tmp_path: Path) -> None:
+    film = tmp_path / "face.mjpeg"
+    camera = Renderer(World(people=(Person("p", "anna", x=0.7),)), Pinhole(640, 480, radians(60)), noise=2.0)
+    frames = [camera.draw(Viewpoint(z=1.55, yaw=radians(turn)), 0.0) for turn in range(-8, 9, 2)]
+    film.write_bytes(b"".join(cv2.imencode(".jpg", frame)[1].tobytes() for frame in frames))
+    flags = ("--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream")
+    with Browser(chromium(), *flags, f"--use-file-for-fake-video-capture={film}") as browser, studio() as served:
+        page = Page(browser, served, view="#run")
+        page.wait_for("The robot knows nobody yet")
+        page.tab.find("textbox", "Name").focus()
+        page.tab.type("Ana")
+        page.press("Add with this browser's camera")
+        page.wait_for("pictures kept")
+        page.wait_for("The robot knows Ana.")
+        assert page.tab.evaluate("document.querySelectorAll('video').length") == 0
+        # A page that is no secure context is given no camera, and says so.
+        page.tab.evaluate("Object.defineProperty(navigator, 'mediaDevices', {value: undefined})")
+        page.press("Add with this browser's camera")
+        page.wait_for("only to pages by https")
+    log = (state_folder() / "studio.log").read_text(encoding="utf-8")
+    assert "add_person" in log
+    assert "jpeg" not in log
+
+
+def test_pictures_that_are_none_are_refused(tmp_path: Path) -> None:
+    studio = Studio(Audit(tmp_path / "log"), Launcher(record=False), cast("Any", None), Access())
+
+    class Somebody:
+        name = "operator 1"
+
+    by = cast("Any", Somebody())
+
+    def refused(command: Command) -> BadMessage:
+        with pytest.raises(BadMessage) as found:
+            asyncio.run(studio.do(command, by))
+        return found.value
+
+    assert refused(AddPerson(name="Ana")).hint == "show_person"
+    assert refused(ShowPerson(jpeg="no base64!")).error == "bad_field"
+    asyncio.run(studio.do(ShowPerson(jpeg=base64.b64encode(b"no picture").decode()), by))
+    assert refused(AddPerson(name="Ana")).error == "no_person"

@@ -51,7 +51,7 @@ NEEDS: Mapping[str, dict[str, object]] = {
     "seen": {"t": 0}, "record": {"name": "none"}, "moment": {"name": "none", "t": 0},
     "compare": {"name": "none", "other": "none"}, "add_task": {"mission": "greet"},
     "move_task": {"task": 1, "priority": 1}, "cancel_task": {"task": 1}, "approve_task": {"task": 1},
-    "add_person": {"name": "Ana", "run": "1"}, "fault": {"what": "camera frozen"},
+    "show_person": {"jpeg": "AAAA"}, "add_person": {"name": "Ana", "run": "1"}, "fault": {"what": "camera frozen"},
     "tune": {"name": "head.pan.trim", "value": 0.1}, "keep_tuning": {"run": "1"},
 }  # fmt: skip
 """What must be there in a command beside its word."""

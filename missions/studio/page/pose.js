@@ -1,0 +1,38 @@
+// Who stands before the camera of this browser, as pictures that are small enough to be sent.
+
+const COUNT = 6; // pictures
+const EVERY = 800; // milliseconds from one to the next: time to turn one's head a little
+const LARGEST = 60000; // letters of base64, as a message has room for
+
+/** Show the camera in `place`, and call `send` with one picture after another. Throws an Error that says what to do. */
+export async function pose(place, send) {
+  if (!navigator.mediaDevices)
+    throw new Error("A browser gives its camera only to pages by https, or of its own computer: mission studio --certificate, or ssh -L 8642:127.0.0.1:8642.");
+  const stream = await navigator.mediaDevices.getUserMedia({ video: { width: 640, height: 480 } });
+  const video = document.createElement("video");
+  try {
+    video.muted = video.playsInline = true;
+    video.srcObject = stream;
+    place.append(video);
+    await video.play();
+    for (let number = 0; number < COUNT; number++) {
+      await new Promise((done) => setTimeout(done, EVERY));
+      await send(jpeg(video));
+    }
+  } finally {
+    for (const track of stream.getTracks()) track.stop();
+    video.remove();
+  }
+}
+
+/** What a video shows now, as the best JPEG that there is room for. */
+function jpeg(video) {
+  const canvas = document.createElement("canvas");
+  for (let width = 640; ; width *= 0.8) {
+    canvas.width = Math.min(width, video.videoWidth);
+    canvas.height = (canvas.width * video.videoHeight) / video.videoWidth;
+    canvas.getContext("2d").drawImage(video, 0, 0, canvas.width, canvas.height);
+    const text = canvas.toDataURL("image/jpeg", 0.85).split(",")[1];
+    if (text.length <= LARGEST) return text;
+  }
+}
