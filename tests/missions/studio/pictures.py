@@ -27,7 +27,7 @@ FOLDER = Path(__file__).parents[3] / "docs" / "studio"
 LARGE = ("live", "failsafe")
 """Pictures that are shown as wide as the page is, where they are light; the others are half as wide as the window."""
 
-FLEET = "fleet: school\nmode: client\nconnect: ['tcp/127.0.0.1:{port}']\nrobots: [anna, berta, carl]\n"
+FLEET = "fleet: trial\nmode: client\nconnect: ['tcp/127.0.0.1:{port}']\nrobots: [anna, berta, carl]\n"
 
 
 def main() -> None:
@@ -84,6 +84,7 @@ def take(served: Served, browser: Browser, folder: Path) -> None:
     page.tab.evaluate(f"{half} e.dispatchEvent(new Event('input'))")
     painted = "document.querySelector('canvas')?.getContext('2d').getImageData(320, 240, 1, 1).data[3] > 0"
     wait_until(lambda: page.tab.evaluate(painted))
+    wait_until(lambda: any(": running" in each.name for each in page.tab.all("treeitem")))
     keep(page, folder, "record")
     page.go("Drive")
     page.wait_for("With its head and its camera")
