@@ -11,6 +11,7 @@ from config.robot import RobotConfig
 from drivers.api.kinds import WIRED
 from drivers.api.quick import dataclass
 from drivers.api.renamed import renamed
+from drivers.api.sections import Wired
 from drivers.camera.source import Kind, kind_of
 from missions.library.drivers import load_robot
 
@@ -96,12 +97,18 @@ def contradictions(order: RunRequest, named: Callable[..., str]) -> Iterator[str
     if order.ports and order.simulation is not None:
         yield f"{named('port')} names real ports: it goes with {named('robot', 'NAME')}, and not with a simulation"
     for part in order.ports:
-        if part not in WIRED:
-            yield f"{named('port')}: '{part}' is no part with a port; these are: {', '.join(WIRED)}"
+        if part not in WIRED and part not in (others := _wired_others(order)):
+            yield f"{named('port')}: '{part}' is no part with a port; these are: {', '.join((*WIRED, *others))}"
     if order.world is not None and order.simulation is None:
         yield f"{named('world')} is for a simulated robot: add {wire}, or leave it out"
     if order.camera is not None and not _may_be_camera(order.camera):
         yield f"{named('camera')}: '{order.camera}': no such file, and no index, device or address of a camera"
+
+
+def _wired_others(order: RunRequest) -> list[str]:
+    """Return the parts under names of their own that have a port, as the robot's file has them."""
+    robot = order.robot_file()
+    return [name for name in robot.others if isinstance(robot.sections[name].keys, Wired)]
 
 
 def _may_be_camera(source: str) -> bool:

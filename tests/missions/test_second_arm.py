@@ -23,7 +23,7 @@ from missions.executive.asked import asked
 from missions.executive.events import CommandSent, Event
 from missions.executive.stop_latch import StopLatch
 from missions.library.drivers import load_robot, robot_of
-from missions.order import RunRequest
+from missions.order import RunRequest, contradictions
 from missions.runner import Runner
 from missions.testing.recorders import HOLD, Bench, RecordedJoints
 from tests.drivers.arms import Make, making
@@ -97,6 +97,17 @@ def test_each_leaf_moves_the_arm_that_it_names(tmp_path: Path) -> None:
 def test_each_goes_over_its_own_wire(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mission, robot = written(tmp_path)
     assert command(capsys, "run", mission, "--robot", robot, "--simulate", "wire").code == 0
+
+
+def test_each_is_plugged_in_where_the_command_says_by_its_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mission, robot = written(tmp_path)
+    order = RunRequest(mission, robot=robot, ports={"right_arm": "/dev/three"})
+    assert list(contradictions(order, lambda name, _="": name)) == []
+    told = command(capsys, "run", mission, "--robot", robot, "--port", "rigth_arm=/dev/three")
+    assert told.code == 2
+    assert "'rigth_arm' is no part with a port; these are: base, head, arm, imu, range, ros2, right_arm" in told.err
 
 
 def test_a_record_of_both_decides_the_same_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
