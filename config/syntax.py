@@ -105,9 +105,22 @@ def _common_slip(source: Source, line: str, mark: Mark, problem: str) -> Diagnos
             plain = " (\" or ', no others)" if SMART_QUOTES.search(line) is not None else ""
             hint = f"put quotes{plain} around a text that contains ': '"
             return Diagnostic(source, mark, "a second ': ' in one value", hint)
+        if (above := _key_above(source, mark.line)) is not None:
+            return above
         hint = "the line above lacks a colon, or this one is indented too far"
         return Diagnostic(source, mark, "a colon is not expected here", hint)
     return None
+
+
+def _key_above(source: Source, number: int) -> Diagnostic | None:
+    """Find two words and no colon in the column of this key, in the line above it: the first is meant to be a key."""
+    above, line = source.line(number - 1), source.line(number)
+    word, _, rest = above.strip().partition(" ")
+    alike = len(above) - len(above.lstrip()) == len(line) - len(line.lstrip())
+    if not alike or not rest or ":" in above or not word.isidentifier():
+        return None
+    place = Mark(number - 1, above.index(word) + 1, len(word))
+    return Diagnostic(source, place, f"'{word}' lacks a colon", f"write '{word}: {rest.strip()}'")
 
 
 def _under_dash(source: Source, number: int) -> Diagnostic | None:

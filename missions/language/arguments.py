@@ -8,8 +8,8 @@ from functools import partial
 from py_trees.common import Status
 
 from behaviours.leaf import Argument, Leaf
-from config.faults import one_of
 from config.marked import Listing, Mapping, Node, Scalar
+from config.synonyms import key_meant
 from config.units import EXAMPLES, UNITS, Quantity, quantity, seen, written
 from drivers.api.kinds import SEVERAL
 from missions.language.faces import KIND as FACE
@@ -42,7 +42,8 @@ def read_arguments(notes: Notes, leaf: type[Leaf], key: Scalar, node: Node | Non
             if name.text in declared:
                 values[name.text] = read_argument(notes, declared[name.text], given, f"'{leaf.word}': '{name.text}'")
             else:
-                hint = second_phrase(leaf, node, name) or outdent(name.text, leaf.word) or one_of(name.text, declared)
+                hint = second_phrase(leaf, node, name) or outdent(name.text, leaf.word)
+                hint = hint or key_meant(name.text, declared)
                 notes.fault(name.mark, f"'{leaf.word}' has no argument '{name.text}'", hint, sure=True)
                 values[name.text] = UNREAD
     elif node is not None and not (isinstance(node, Scalar) and node.value is None):

@@ -167,6 +167,8 @@ def _cure(left: Kind, right: Kind) -> str:
     sizes = [kind for kind in (left, right) if isinstance(kind, str) and is_size(kind) and kind != NUMBER]
     if NUMBER in (left, right) and len(sizes) == 1:
         return f"a plain number is no quantity: write its unit, or {multiply(sizes[0])}"
+    if {left, right} == {TEXT, NUMBER}:
+        return "a text stands in quotes, a number does not"
     return ""
 
 

@@ -9,6 +9,7 @@ from typing import get_origin
 from behaviours.leaf import Leaf
 from config.faults import Diagnostic, Mark, Source, closest, note, one_of
 from config.marked import Node, Scalar
+from config.synonyms import plain_word
 from config.units import article, seen
 from drivers.api.quick import dataclass
 from missions.language.expressions import Expression, ExpressionError, Read
@@ -30,6 +31,10 @@ MAX_STEPS = 10_000
 def no_missions(name: str, beside: Path) -> Path:
     """Find no mission: the finder of a text that stands alone."""
     raise LookupError(f"cannot be found from {beside}: '{name}'")
+
+
+FLAGS = {"yes": "true", "on": "true", "no": "false", "off": "false"}
+"""What others write for what is true or false."""
 
 
 @dataclass(slots=True)
@@ -189,8 +194,11 @@ class Notes:
         """Say what may be meant by an unknown name."""
         own = sorted({*self.params, *self.stored})
         state = [f"{name}.{member}" for name, members in STATE.items() for member in members]
+        if plain_word(read.name) in FLAGS and not read.member:
+            return f"write '{FLAGS[plain_word(read.name)]}'"
         if read.name in STATE:
-            return one_of(read.dotted, [name for name in state if name.startswith(f"{read.name}.")])
+            members = [name for name in state if name.startswith(f"{read.name}.")]
+            return one_of(read.dotted, members) if read.member else f"which of it? known are: {', '.join(members)}"
         if read.member:  # the name before it is what must be like another
             close = closest(read.name, [*own, *STATE])
             close = f"{close}.{read.member}" if close else ""

@@ -149,6 +149,17 @@ MISTAKES = [
     a("- say: {text: \u201cHi, Anna\u201d}", "'say' has no argument 'Anna\u201d' > \u201d is no quote here: write"),
     a("- say: 'Bonjour\u00a0: \u201cAnna\u201d'", ""),
     a("- say: \u201cHi: you\u201d", "a second ': ' in one value > put quotes (\" or ', no others) around a text"),
+    # Conditions
+    a("- stop:\n  if: face.seen == yes", "'if': unknown name 'yes' > write 'true'"),
+    a(
+        "- stop:\n  if: battery < 20",
+        "'if': unknown name 'battery' > which of it? known are: battery.percent, battery.",
+    ),
+    a(
+        "- stop:\n  if: face.name == 3",
+        "'if': cannot compare a text and a number > a text stands in quotes",
+    ),
+    a("- drive: {distance: 1 m, velocity: 1 m/s}", "'drive' has no argument 'velocity' > write 'speed'"),
     # A mistake of YAML, and those behind it
     a(
         "- stop:\n  timeout 5 s\n- trak_face\n- drive: 1",
@@ -168,7 +179,7 @@ MISTAKES = [
     ),
     a(
         "robot: r\nbase:\n  driver kobuki\n  port: /dev/kobuki\n  max_speed: 3\n",
-        "a colon is not expected here > the line above lacks a colon",
+        "'driver' lacks a colon > write 'driver: kobuki'",
         "'max_speed' needs a speed such as '0.2 m/s': '3' has no unit",
     ),
     # Whole files
