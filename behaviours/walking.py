@@ -119,13 +119,16 @@ class TurnInPlace(Paces):
 class Fallen(Felt):
     """Has it fallen?
 
-    Succeeds while the base leans too far to be standing, fails when not, and where nothing measures that. It never
-    runs.
+    Succeeds while the base leans too far to be standing, or is about to; without an IMU, while its legs bear nothing
+    though they should. Fails when not, and where nothing measures that. It never runs.
     """
 
     word = "fallen"
 
     def judge(self, state: BaseState) -> Status:
+        if state.lean is None and state.fallen:
+            self.feedback_message = "its legs bear nothing"
+            return SUCCESS
         if state.lean is None:
             return self.fail("nothing measures how it stands")
         self.feedback_message = f"it leans by {math.degrees(state.lean):.0f} deg"

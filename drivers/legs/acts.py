@@ -197,7 +197,7 @@ class Acts:
                 self._done = 1.0 if act in (STAND, SIT) and wanted == self._to else 0.0
             else:
                 self.posture = Poised.UNKNOWN
-        return self._posture(way.at(now), (True, True))
+        return pressed(self._engine.body, way.at(now), (True, True))
 
     def _play(self, cycle: Cycle, act: str, dt: float) -> Posture:
         cycle.ending = cycle.ending or act != GAIT
@@ -205,7 +205,7 @@ class Acts:
         self._done = cycle.cycles if act == GAIT and not cycle.ending else 0.0
         if cycle.over:
             self._cycle, self.posture = None, Poised.STANDING
-        posture = self._posture(angles, on)
+        posture = pressed(self._engine.body, angles, on)
         if self._odometry is not None:
             before = self._odometry.pose
             pose = self._odometry.update(whole(self._engine.body, angles))
@@ -214,20 +214,20 @@ class Acts:
             self.speed = (gone.x / dt, gone.heading / dt) if dt > 0 else (0.0, 0.0)
         return posture
 
-    def _posture(self, angles: Floats, on: tuple[bool, bool]) -> Posture:
-        """Return the legs at angles (12,), as what sets goals ahead knows them: pressed upon under the mass."""
-        body = self._engine.body
-        placed = forward(body, whole(body, angles))
-        feet = {}
-        for side in SIDES:
-            place, turned = sole(body, placed, side)
-            feet[side] = float(place[0]), float(place[1]), 0.0, atan2(turned[1, 0], turned[0, 0])
-        x, y, _ = centre_of_mass(body, placed).tolist()
-        support: Literal["left", "right", "both"] = "both" if on[0] == on[1] else "left" if on[0] else "right"
-        if support != "both":  # no farther out than the sole reaches
-            foot, leg = feet["left" if on[0] else "right"], body.legs["left"]
-            x = min(max(x, foot[0] - leg.length / 2), foot[0] + leg.length / 2)
-            y = min(max(y, foot[1] - leg.width / 2), foot[1] + leg.width / 2)
-        spot = Spot(0.0, 0.0, 0.0)
-        pattern = Pattern(0.0, support, feet, (x, y), 0.0, (x, y), 0.0, spot, (0.0, 0.0, 0.0))
-        return Posture(angles, pattern)
+
+def pressed(body: Body, angles: Floats, on: tuple[bool, bool]) -> Posture:
+    """Return the legs at angles (12,), as what sets goals ahead knows them: pressed upon under the mass."""
+    placed = forward(body, whole(body, angles))
+    feet = {}
+    for side in SIDES:
+        place, turned = sole(body, placed, side)
+        feet[side] = float(place[0]), float(place[1]), 0.0, atan2(turned[1, 0], turned[0, 0])
+    x, y, _ = centre_of_mass(body, placed).tolist()
+    support: Literal["left", "right", "both"] = "both" if on[0] == on[1] else "left" if on[0] else "right"
+    if support != "both":  # no farther out than the sole reaches
+        foot, leg = feet["left" if on[0] else "right"], body.legs["left"]
+        x = min(max(x, foot[0] - leg.length / 2), foot[0] + leg.length / 2)
+        y = min(max(y, foot[1] - leg.width / 2), foot[1] + leg.width / 2)
+    spot = Spot(0.0, 0.0, 0.0)
+    pattern = Pattern(0.0, support, feet, (x, y), 0.0, (x, y), 0.0, spot, (0.0, 0.0, 0.0))
+    return Posture(angles, pattern)

@@ -37,6 +37,7 @@ class LinkKeys:
     centre: Vector = key("length", default=HERE, help="Its centre of mass, from its origin.")
     end: Vector = key("length", default=HERE, help="Where it ends, from its origin: a capsule from there to here.")
     radius: float = key("length", default=0.0, low=0.0, help="The radius of that capsule; 0: it touches nothing.")
+    tucked: float | None = key("angle", default=None, help="Where its joint goes in a fall, such as arms drawn in.")
 
 
 @keys
@@ -74,6 +75,13 @@ class BodyKeys:
     def joints(self) -> tuple[str, ...]:
         """All its joints: of the left and of the middle as written, then those of the right."""
         return (*self.links, *(self.mirror(name) for name in self.links if self.mirror(name) != name))
+
+    @property
+    def tucked(self) -> Mapping[str, float]:
+        """Where joints go in a fall (rad), on both sides."""
+        image = -1.0 if self.mirrored == "opposite" else 1.0
+        left = {name: link.tucked for name, link in self.links.items() if link.tucked is not None}
+        return {self.mirror(name): image * angle for name, angle in left.items()} | left
 
     def mistakes(self) -> Iterator[Mistake]:
         """Yield links that hang nowhere, and legs that are none."""

@@ -8,7 +8,6 @@ the walk; they hold or go limp as their own section says, and a later walk begin
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from math import cos, radians
 from threading import Event
 from types import MappingProxyType
 from typing import Literal, Unpack
@@ -40,6 +39,7 @@ from drivers.legs.approach import is_near
 from drivers.legs.body import Floats
 from drivers.legs.compensation import Compensation
 from drivers.legs.engine import PERIOD, Engine, Felt, Posture
+from drivers.legs.falling import Falls
 from drivers.legs.mute import Mute
 
 LONGEST_STEP = 0.03
@@ -48,15 +48,12 @@ LONGEST_STEP = 0.03
 SILENT_AFTER = 0.3
 """Seconds without a reading of a leg's joint after which the walk is given up: not sooner, for it ends in mid-step."""
 
-LIES = radians(50)
-"""How far from upright its trunk leans when it has fallen."""
-
 
 class LegsBase(Mute, SteeredBase):
     """A ``drivers.api.Base`` of the legs of ``joints``, which somebody else opens and closes.
 
     ``step`` is to be called every ``PERIOD``. ``felt`` is asked for the trunk's attitude, where something measures it.
-    When it has fallen, the legs are latched, and ``at_fall`` says whether they go limp.
+    When it falls, the legs are latched, and ``at_fall`` says whether they go limp; the arms go to ``tucked`` (radians).
     """
 
     PERIOD = PERIOD
@@ -71,17 +68,18 @@ class LegsBase(Mute, SteeredBase):
         compensation: Compensation | None = None,
         torques: Mapping[str, float] = MappingProxyType({}),
         at_fall: Literal["relax", "hold"] = "relax",
+        tucked: Mapping[str, float] = MappingProxyType({}),
         **settings: Unpack[Settings],
     ) -> None:
         super().__init__(clock, **settings)
         self._joints, self._engine, self._felt_now = joints, engine, felt
-        self._at_fall, self._compensation = at_fall, compensation
+        self._at_fall, self._tucked, self._compensation = at_fall, tucked, compensation
         self._legs = engine.body.walking
-        self._open = self._there = self._fallen = self._ready = False  # ready: the legs are where the engine has them
+        self._open = self._there = self._ready = False  # ready: the legs are where the engine has them
         self._acts = Acts(engine, joints.limits, torques)
         self._stepped_at = 0.0
         self._stiff = False
-        self._lean: float | None = None
+        self._falls, self._fallen = Falls(engine), False
         self._latest: Reading[BaseState] = Reading(None, 0.0, Quality.NONE)
         self.stands = Event()
         self.stands.set()
@@ -186,11 +184,8 @@ class LegsBase(Mute, SteeredBase):
         elif limp:
             self._forget()
         self._stiff = not limp
-        if felt is None:
-            self._lean = None
-        else:
-            self._lean = float(np.arccos(np.clip(cos(felt.roll) * cos(felt.pitch), -1.0, 1.0)))
-            self._fall(self._lean > LIES)
+        self._falls.look(felt, values, now, afoot=self.walking or self._acts.posture is Poised.STANDING)
+        self._fall(self._falls.fallen, limp=felt is not None)
         pose, (ahead, _, turn) = self._engine.pose
         if self._acts.busy:
             ahead, turn = self._acts.speed
@@ -200,7 +195,7 @@ class LegsBase(Mute, SteeredBase):
             battery_voltage=sum(value.voltage for value in values) / len(values),
             battery_percent=100.0,
             reckoned=True,
-            lean=self._lean,
+            lean=self._falls.lean,
             fallen=self._fallen,
             posture=Poised.MOVING if not self._engine.standing else self._acts.posture,
         )
@@ -209,14 +204,19 @@ class LegsBase(Mute, SteeredBase):
         self._mux.hear(now)
         self._mux.feel(state, now)
 
-    def _fall(self, fallen: bool) -> None:
-        """Notice a fall: stop the walk, and let the legs be as the robot file says."""
+    def _fall(self, fallen: bool, *, limp: bool) -> None:
+        """Notice a fall: stop the walk, draw the arms in, and let the legs be as the robot file says.
+
+        Legs that bear nothing stay stiff: it may be held up by hand, or hang.
+        """
         if fallen and not self._fallen:
             self._forget()
             self._mux.latch(FALLEN)
-            if self._at_fall == "relax":
-                with suppress(NotConnected):
+            with suppress(NotConnected, DeviceFault):
+                if limp and self._at_fall == "relax":
                     self._joints.relax(self._legs)
+                if self._tucked:
+                    self._joints.move(self._tucked)
             self._report(DeviceStatus(self.name, "fault", f"{self.name}: {FALLEN}", "put it up by hand"))
         self._fallen = fallen
 

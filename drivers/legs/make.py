@@ -28,6 +28,7 @@ def make(keys: LegsKeys, site: Site) -> WalkingBase:
         compensation=None if site.virtual else compensation(walks, joints),
         torques=torques(walks, joints),
         at_fall=keys.at_fall,
+        tucked=keys.body.tucked,
         **settings_of(keys, site),
     )
 

@@ -333,6 +333,9 @@ def test_a_fall_latches_the_legs_and_lets_them_go_limp(legs: Legs) -> None:
         reading.value.torque for name, reading in legs.arm.states().items() if reading.value and name in legs.legs
     ]
     assert not any(torque)
+    legs.pass_(1.0)
+    elbows = [legs.arm.states()[f"{side}_elbow"].value for side in SIDES]
+    assert [each and each.position for each in elbows] == pytest.approx([np.radians(110)] * 2, abs=0.02)  # drawn in
     legs.base.enable()  # as the release of a stop does
     with pytest.raises(DeviceFault, match="it has fallen"):
         legs.base.drive(Velocity(0.1, 0.0))
@@ -341,3 +344,12 @@ def test_a_fall_latches_the_legs_and_lets_them_go_limp(legs: Legs) -> None:
     state = legs.base.state().value
     assert state is not None
     assert state.lean is None  # nothing measures it any more
+
+
+def test_legs_that_bear_nothing_latch_and_stay_stiff_for_somebody_may_hold_the_robot(legs: Legs) -> None:
+    legs.pass_(6.0, Velocity(0.1, 0.0))
+    legs.base._falls.fallen = True
+    legs.pass_(0.1)
+    assert legs.base.latched == "it has fallen"
+    states = [legs.arm.states()[name].value for name in legs.legs]
+    assert all(state and state.torque for state in states)

@@ -36,12 +36,13 @@ def test_a_humanoid_walks_in_physics_as_far_as_it_is_told_the_same_each_time(tmp
     assert walked(tmp_path).pose == ran.pose
 
 
-def test_a_hard_push_throws_it_over(tmp_path: Path) -> None:
-    (tmp_path / "stroll.yaml").write_text(WALK)
-    (tmp_path / "rough.yaml").write_text(PUSHED)
+@pytest.mark.parametrize(("robot", "at"), [("humanoid", 2), ("op3", 4)])
+def test_a_hard_push_throws_it_over_as_its_imu_or_its_knees_tell(tmp_path: Path, robot: str, at: int) -> None:
+    (tmp_path / "stroll.yaml").write_text(WALK.replace("0.2 m,", "1 m,"))
+    (tmp_path / "rough.yaml").write_text(PUSHED.replace("2 s", f"{at} s"))
     order = RunRequest(
         str(tmp_path / "stroll.yaml"),
-        robot="humanoid",
+        robot=robot,
         simulate="fast",
         world=str(tmp_path / "rough.yaml"),
         eyes="truth",

@@ -1,6 +1,6 @@
 """From the keys of a robot file to twins, each on a stage."""
 
-from drivers.api import Away, Pose2D
+from drivers.api import Away
 from drivers.api.sections import BaseKeys
 from drivers.arduino.declared import ArduinoKeys, SecondKeys, TwoServoKeys
 from drivers.arduino.make import axis as servo
@@ -68,19 +68,21 @@ def plain(wheels: TwoWheels, keys: BaseKeys, stage: Stage, *, reckoned: bool, ga
 
 def legs(keys: LegsKeys, stage: Stage) -> LegsTwin:
     """Return the twin of a base that walks on the arm's twin."""
-    start = Pose2D(0.0, 0.0, 0.0) if stage.world is None else stage.world.start
     joints, walks = stage.parts["arm"], walking(keys)
-    return LegsTwin(
+    twin = LegsTwin(
         joints,
         stage.clock,
         walks,
         felt=feeling(stage.parts.get("imu")),
         compensation=None if stage.scene is None else compensation(walks, joints),
         torques=torques(walks, joints),
-        start=start,
         at_fall=keys.at_fall,
+        tucked=keys.body.tucked,
         **settings_of(keys, stage),
     )
+    if stage.world is not None:
+        twin.start = stage.world.start
+    return twin
 
 
 def head(keys: ArduinoKeys | PiHeadKeys, stage: Stage) -> HeadTwin:
