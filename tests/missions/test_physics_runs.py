@@ -52,6 +52,26 @@ def test_a_hard_push_throws_it_over_as_its_imu_or_its_knees_tell(tmp_path: Path,
     assert (result.result, result.reason) == ("failure", "the base is stopped: it has fallen")
 
 
+SQUARE = """
+tests: walk_square
+with: {robot: humanoid, world: empty, params: {side: 10 cm}}
+cases:
+  - case: a small square
+    expect:
+      result: success
+      ran: {walk: 4, turn_in_place: 4}
+      pose: {near: [0 m, 0 m], within: 0.2 m, heading: 360 deg +- 30 deg}
+      base: stopped
+      faults: []
+"""
+
+
+def test_the_mission_that_ships_walks_round_a_small_square_in_physics(tmp_path: Path) -> None:
+    (tmp_path / "square.test.yaml").write_text(SQUARE)
+    said = CliRunner().invoke(mission, ["test", str(tmp_path / "square.test.yaml"), "--physics", "-j", "1"])
+    assert said.exit_code == 0, said.output
+
+
 def test_a_film_of_it_shows_its_body(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("drivers.sim.rigid.filmed._has_egl", lambda: False)  # lines are the same on every machine
     (tmp_path / "stand.yaml").write_text("mission: stand\ntree:\n  wait: 0.3 s\n")
