@@ -16,17 +16,15 @@ from drivers.api import (
     BaseState,
     DeviceStatus,
     Health,
-    Lamp,
     Quality,
     Reading,
-    Tune,
     Velocity,
 )
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.kobuki.requests import check_light, tone
 from drivers.kobuki.steered import Settings, SteeredBase
 from drivers.link import Link
+from drivers.mute import Mute
 from drivers.reckoning import Reckoning, TwoWheels
 
 STALE_AFTER = 0.15
@@ -48,7 +46,7 @@ ASKING = 0.5
 """Seconds between greetings to who does not report."""
 
 
-class PlainBase(SteeredBase):
+class PlainBase(Mute, SteeredBase):
     """The half of a ``drivers.api.Base`` on a ``link`` that is the same on all without senses.
 
     It has no sounder and no lights: what is asked of those is checked, and nothing follows.
@@ -103,20 +101,6 @@ class PlainBase(SteeredBase):
             return Health(True, counters=counters, returned=returned)
         detail, hint = self._silence(now) if link.online else (link.detail, link.hint)
         return Health(False, detail, hint, counters, returned)
-
-    def play(self, tune: Tune) -> None:  # noqa: ARG002 - it has nothing to play it on
-        """Do nothing: it has no sounder. Raises NotConnected."""
-        self._require()
-
-    def tone(self, frequency: float, seconds: float) -> None:
-        """Do nothing: it has no sounder. Raises BadRequest, NotConnected."""
-        tone(self.name, frequency, seconds)
-        self._require()
-
-    def light(self, number: int, colour: Lamp) -> None:  # noqa: ARG002 - it has none to show it
-        """Do nothing: it has no lights. Raises BadRequest for another number than 1 and 2, NotConnected."""
-        check_light(self.name, number)
-        self._require()
 
     # What follows is drivers.link.Talker, called from the link's thread.
 

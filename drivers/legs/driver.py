@@ -40,7 +40,7 @@ from drivers.legs.body import Floats
 from drivers.legs.compensation import Compensation
 from drivers.legs.engine import PERIOD, Engine, Felt, Posture
 from drivers.legs.falling import Falls
-from drivers.legs.mute import Mute
+from drivers.mute import Mute
 
 LONGEST_STEP = 0.03
 """Seconds of a walk that are made up for at most after a turn that came late: the walk is slower then, and no leap."""

@@ -1,4 +1,4 @@
-"""The lights and tones that a base with legs does not have."""
+"""The lights and tones that a base with legs, or a plain one, does not have."""
 
 from abc import abstractmethod
 
