@@ -3,6 +3,8 @@
 import { SHARE, before_picture, button, el, put, soon } from "./dom.js";
 import { SIGNS, seconds } from "./words.js";
 
+const LONGEST = 40; // milliseconds of a picture of the screen, above which the next one has fewer new rows
+const [FEWEST, MOST] = [4, 64]; // new rows of a picture
 const TICKING = 250; // milliseconds from one renewal of "for 3.2 s" to the next
 
 /** One block, and how it stands. */
@@ -87,6 +89,8 @@ export class Tree extends HTMLElement {
   #scroll = soon(() => this.#reveal(), 300); // it costs a layout of the page
   #t = 0;
   #visited = [];
+  #due = new Set(); // blocks whose time is to be renewed
+  #most = MOST; // new rows of the next picture
   #ticked = 0;
   #drawn = "";
   #adding = []; // nodes whose blocks are not there yet
@@ -118,6 +122,7 @@ export class Tree extends HTMLElement {
     this.#badges.clear();
     this.#now.clear();
     this.#waiting.clear();
+    this.#due.clear();
     this.#visited = [];
     this.replaceChildren();
   }
@@ -157,33 +162,36 @@ export class Tree extends HTMLElement {
   }
 
   #patch() {
-    const now = performance.now();
-    const due = now - this.#ticked > TICKING;
     if (this.#adding.length) return; // it is drawn once all blocks are there
-    let moved = false;
+    const now = performance.now();
+    if (now - this.#ticked > TICKING) {
+      this.#ticked = now;
+      for (const block of this.#blocks.values()) if (block.status === "running") this.#due.add(block);
+    }
+    let left = this.#most;
+    for (const block of [...this.#due].slice(0, left >> 2)) {
+      left -= 1;
+      this.#due.delete(block);
+      block.tick(this.#t);
+    }
     for (const [key, [status, reason, since]] of this.#waiting) {
-      if (performance.now() - now > SHARE) {
-        this.#paint(); // the others before the next picture
-        break;
-      }
+      if (left-- <= 0) break;
       this.#waiting.delete(key);
-      moved = true;
       this.#now.set(key, status);
       const block = this.#blocks.get(key);
       if (block) {
         block.set(status, reason ?? "", since ?? null);
         block.tick(this.#t);
+        if (this.follow) this.#scroll();
       } else if (this.#badges.has(key)) this.#badges.get(key).className = `badge ${status}`;
     }
     const visited = new Set(this.#visited);
     for (const [key, block] of this.#blocks) {
       if (block.visited !== visited.has(key)) block.item.classList.toggle("visited", (block.visited = !block.visited));
     }
-    if (due) {
-      this.#ticked = now;
-      for (const block of this.#blocks.values()) if (block.status === "running") block.tick(this.#t);
-    }
-    if (moved && this.follow) this.#scroll();
+    if (this.#waiting.size || this.#due.size) this.#paint();
+    // What the browser makes of it costs more than this: that is known once the picture is drawn.
+    setTimeout(() => (this.#most = performance.now() - now > LONGEST ? Math.max(FEWEST, this.#most >> 1) : Math.min(MOST, this.#most + 1)));
   }
 
   /** Scroll to the deepest node that runs, and unfold what is above it. */
