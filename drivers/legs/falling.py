@@ -37,8 +37,8 @@ NOTHING, SOMETHING = 0.25, 0.5
 UNBORNE = 1.0
 """Seconds for which they have to bear nothing."""
 
-TOLD = 0.1
-"""The load that both knees must have told once to be believed: servos that bear nothing, and virtual ones, do not."""
+TOLD = 0.15
+"""What both knees together must have told once to be believed: without a burden each tells its friction, 0.05 or so."""
 
 BENT = 0.5
 """The share of the torque in a stand below which knees are too straight to tell anything."""

@@ -91,6 +91,11 @@ def test_legs_that_never_bore_anything_tell_nothing_whatever_their_noise(body: S
     assert not body.bear(15.0, 0.0)  # it hangs in a frame, or its servos are virtual
 
 
+def test_knees_that_only_told_their_own_friction_tell_nothing_when_that_is_gone(body: Standing) -> None:
+    assert not body.bear(5.0, 0.3)  # 0.05 of each, while they bend in a frame
+    assert not body.bear(5.0, 0.0)
+
+
 def test_limp_legs_and_straight_knees_tell_nothing(body: Standing) -> None:
     assert not body.bear(3.0, 1.0)
     assert not body.bear(5.0, 0.0, torque=False)
