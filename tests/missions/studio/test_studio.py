@@ -42,7 +42,7 @@ class Driver:
         """Drive, and return when, by the base's own clock, the last command was given."""
 
         def moves() -> bool:
-            self.push()
+            self.push(0.0 if self.number % 100 == 99 else 1.0)  # lets go now and then: commands may have come late
             return base.seen().top > 0.1
 
         wait_until(moves)
