@@ -31,7 +31,7 @@ from drivers.api import (
 from drivers.api import Posture as Poised
 from drivers.api.gait import GaitKeys
 from drivers.clock import Clock
-from drivers.errors import DeviceFault, NotConnected
+from drivers.errors import DeviceFault, DriverError, NotConnected
 from drivers.kobuki.requests import require
 from drivers.kobuki.steered import Settings, SteeredBase
 from drivers.legs.acts import Acts
@@ -53,7 +53,8 @@ class LegsBase(Mute, SteeredBase):
     """A ``drivers.api.Base`` of the legs of ``joints``, which somebody else opens and closes.
 
     ``step`` is to be called every ``PERIOD``. ``felt`` is asked for the trunk's attitude, where something measures it.
-    When it falls, the legs are latched, and ``at_fall`` says whether they go limp; the arms go to ``tucked`` (radians).
+    When it falls, the legs are latched, and ``at_fall`` says whether they go limp; arms of legs that
+    were led go to ``tucked`` (radians).
     """
 
     PERIOD = PERIOD
@@ -184,8 +185,9 @@ class LegsBase(Mute, SteeredBase):
         elif limp:
             self._forget()
         self._stiff = not limp
-        self._falls.look(felt, values, now, afoot=self.walking or self._acts.posture is Poised.STANDING)
-        self._fall(self._falls.fallen, limp=felt is not None)
+        afoot = self.walking or self._acts.posture is Poised.STANDING
+        self._falls.look(felt, values, now, afoot=afoot)
+        self._fall(self._falls.fallen, limp=felt is not None, led=afoot and not self._mux.latched)
         pose, (ahead, _, turn) = self._engine.pose
         if self._acts.busy:
             ahead, turn = self._acts.speed
@@ -204,18 +206,15 @@ class LegsBase(Mute, SteeredBase):
         self._mux.hear(now)
         self._mux.feel(state, now)
 
-    def _fall(self, fallen: bool, *, limp: bool) -> None:
-        """Notice a fall: stop the walk, draw the arms in, and let the legs be as the robot file says.
-
-        Legs that bear nothing stay stiff: it may be held up by hand, or hang.
-        """
+    def _fall(self, fallen: bool, *, limp: bool, led: bool) -> None:
+        """Notice a fall: stop the walk, leave legs as the robot file says, draw in arms of ``led`` legs."""
         if fallen and not self._fallen:
             self._forget()
             self._mux.latch(FALLEN)
-            with suppress(NotConnected, DeviceFault):
-                if limp and self._at_fall == "relax":
+            with suppress(DriverError):
+                if limp and self._at_fall == "relax":  # what bears nothing may be held up by hand, and stays as it is
                     self._joints.relax(self._legs)
-                if self._tucked:
+                if self._tucked and limp and led:
                     self._joints.move(self._tucked)
             self._report(DeviceStatus(self.name, "fault", f"{self.name}: {FALLEN}", "put it up by hand"))
         self._fallen = fallen

@@ -353,3 +353,29 @@ def test_legs_that_bear_nothing_latch_and_stay_stiff_for_somebody_may_hold_the_r
     assert legs.base.latched == "it has fallen"
     states = [legs.arm.states()[name].value for name in legs.legs]
     assert all(state and state.torque for state in states)
+    arms_stay(legs)
+
+
+def arms_stay(legs: Legs) -> None:
+    """The arms are where they were, and nobody has told them to go elsewhere."""
+    legs.pass_(1.0)
+    elbows = [legs.arm.states()[f"{side}_elbow"].value for side in SIDES]
+    assert [each and each.position for each in elbows] == pytest.approx([0.0, 0.0], abs=0.02)
+
+
+def test_arms_of_legs_that_nobody_led_stay_when_it_lies_or_is_tilted(legs: Legs) -> None:
+    legs.base._felt_now = lambda: Felt(0.0, 1.2)  # it lies, and was never stood up
+    legs.pass_(0.2)
+    assert legs.base.latched == "it has fallen"
+    arms_stay(legs)
+
+
+def test_arms_of_a_robot_that_is_stopped_stay_when_it_is_carried_away(legs: Legs) -> None:
+    attitude = Felt(0.0, 0.0)
+    legs.base._felt_now = lambda: attitude
+    legs.pass_(6.0, Velocity(0.1, 0.0))
+    legs.base.latch("stopped")
+    legs.pass_(3.0)
+    attitude = Felt(0.0, 1.2)
+    legs.pass_(0.2)
+    arms_stay(legs)
