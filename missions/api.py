@@ -109,9 +109,9 @@ class Mission:
         if self._executive.stopping:  # by the control socket, as what follows
             self.halt()
             return self.status
-        if self._executive.paused and not self._still:
+        if (paused := self._executive.paused) and not self._still:
             self._executive.run.safe_stop(self.root.claims - SOUNDING)
-        self._still = self._executive.paused
+        self._still = paused
         return self.status if self._still else self._executive.tick()
 
     def halt(self) -> bool:

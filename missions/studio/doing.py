@@ -107,10 +107,14 @@ class Doing:
         return told
 
     def look(self, now: float) -> None:
-        """Send a run that does not end the signal by which even one that hangs does."""
+        """Send a run that does not end the signal by which even one that hangs does.
+
+        A program of a user's own that has not taken that signal would die of it as it is, its robot open.
+        """
         if now >= self.kill_at:
             self.kill_at = inf
-            os.kill(os.getpid(), signal.SIGTERM)
+            if signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+                os.kill(os.getpid(), signal.SIGTERM)
 
     def told(self) -> Mapping[str, object]:
         """Return what clients are told of all this."""

@@ -100,7 +100,7 @@ class Launcher:
         """Return the last that a run said which was started here and has ended, or ends; nothing of another one."""
         for _ in range(int(END_TIME / PERIOD)):
             self._reap()
-            if run not in {str(child.pid) for child in self._children}:
+            if run not in {str(child.pid) for child in [*self._children]}:
                 break
             await asyncio.sleep(PERIOD)
         return self._ended.get(run, "")
@@ -118,7 +118,7 @@ class Launcher:
     def running(self) -> list[int]:
         """The processes that it has started and that go on."""
         self._reap()
-        return sorted(child.pid for child in self._children)
+        return sorted(child.pid for child in [*self._children])
 
     def _popen(self, words: Sequence[str], recorded: str) -> "tuple[subprocess.Popen[bytes], IO[bytes]]":
         # Not a pipe: a run ends when nobody reads what it writes, and is not to end with the studio.

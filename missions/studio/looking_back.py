@@ -113,7 +113,9 @@ def record(command: Command) -> Json:
     opened = Opened(path_of(command.name))
     first = bisect_left(opened.chunks, command.start, key=lambda chunk: chunk[0])
     clock, last, gathered = SystemClock(), first, _Gathered()
-    while last < len(opened.chunks) and (last == first or clock.now() < BUDGET):
+    for start, *_ in opened.chunks[first:]:
+        if start > max(command.start, opened.chunks[first][0]) and clock.now() >= BUDGET:
+            break  # never between chunks that begin at once: the next piece would begin with the first of them again
         gathered.add(opened.piece(last, last + 1))
         last += 1
     told = {**_about(opened.record), "until": opened.until, **gathered.told()}

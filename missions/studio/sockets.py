@@ -11,7 +11,7 @@ import struct
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
-from threading import Event
+from threading import Event, Lock
 from typing import Any, Self
 
 from drivers.api.quick import dataclass
@@ -46,13 +46,15 @@ def socket_folder() -> Path:
 
 
 _here: set[str] = set()
+_lock = Lock()
 
 
 def new_run() -> str:
     """Return the name of a new run of this process: its number, and for one beside others a number of its own."""
     process = os.getpid()
     names = (f"{process}{more}" for more in ("", *(f"-{number}" for number in range(2, 1000))))
-    _here.add(found := next(name for name in names if name not in _here))
+    with _lock:
+        _here.add(found := next(name for name in names if name not in _here))
     return found
 
 

@@ -13,13 +13,14 @@ import json
 import os
 import sys
 import time
-from contextlib import AsyncExitStack
+from contextlib import AsyncExitStack, suppress
+from itertools import count
 from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen
 from tempfile import TemporaryDirectory
 
 from missions.studio import sockets
-from tests.benchmarks.watching import Measured, mission, opened, page, say, shown, used
+from tests.benchmarks.watching import Measured, asked, mission, opened, page, shown, used
 from tests.waiting import wait_until
 
 LOOKS = 12
@@ -31,13 +32,20 @@ async def watched(host: str, token: str, run: str, studio: int, asks: argparse.N
     seconds = 3600.0 * asks.hours / asks.speed
     until, held, found = time.monotonic() + seconds, list[float](), Measured()
     async with AsyncExitStack() as ends, asyncio.TaskGroup() as group:
-        await say(await ends.enter_async_context(opened(host, token)), do="watch", run=run, pictures=10.0)
+        deaf = await ends.enter_async_context(opened(host, token))
+        for number in count(1):  # the studio finds the run a little after its socket is there
+            with suppress(RuntimeError):
+                await asked(deaf, number, do="watch", run=run, pictures=10.0)
+                break
+            await asyncio.sleep(0.2)
         for _ in range(asks.clients):
             group.create_task(page(host, token, run, 0.0, until, 10.0, found))
         await asyncio.sleep(seconds / (4 * LOOKS))  # until all are there
         for _ in range(LOOKS):
             held.append(used(studio)[1])
             await asyncio.sleep((until - time.monotonic()) / (LOOKS + 1 - len(held)))
+            if not found.ways:
+                raise RuntimeError("nobody was told anything")
             found.ways.clear()
         held.append(used(studio)[1])
     return held
