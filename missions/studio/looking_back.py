@@ -1,4 +1,4 @@
-"""Records of runs, looked at piece by piece: no record is read whole, however large, to answer a command."""
+"""Records of runs, looked at piece by piece: none is read whole, but small ones to compare them or report of them."""
 
 import struct
 from bisect import bisect_left
