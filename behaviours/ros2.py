@@ -6,23 +6,41 @@ from typing import Any
 
 from py_trees.common import Status
 
+from behaviours.driving.motion import held_up
 from behaviours.leaf import SUCCESS, Leaf, argument
 from behaviours.requesting import Requesting, read
 from drivers.api import Duration, Progress
 from drivers.errors import BadRequest
 
 
-class Navigate(Requesting):
+class _Driving(Requesting):
+    """A request that may drive the base: none is begun while that is latched, and one under way is cancelled."""
+
+    drives = frozenset({"base"})
+
+    def initialise(self) -> None:
+        self._number = None
+        if not self._latched():
+            super().initialise()
+
+    def update(self) -> Status:
+        latched = self._latched()
+        return self.fail(latched) if latched else super().update()
+
+    def _latched(self) -> str:
+        return "" if self.robot.base_part is None else held_up(self.robot.base)
+
+
+class Navigate(_Driving):
     """Have Nav2 drive to a place of the map, by name or by its figures.
 
     Running until it is there, then succeeds. Fails with Nav2's reason, where the place is not known, where the goal is
-    rejected, and where Nav2 goes away: whether the robot drives on then is not known. Halted, it cancels the goal and
-    waits for its end.
+    rejected, and where Nav2 goes away: whether the robot drives on then is not known. Fails and cancels the goal while
+    the base is stopped until somebody enables it. Halted, it cancels the goal and waits for its end.
     """
 
     word = "navigate"
     needs = frozenset({"ros2", "base"})
-    drives = frozenset({"base"})
     stores = "what Nav2 says in the end"
     to: str = argument("text", "the name of a place: `mission place list`", default="", principal=True)
     x: float | None = argument("length", "where it is on the map", default=None)
@@ -107,15 +125,15 @@ class CallService(Requesting):
         return self.robot.ros2.call(self.service, self.type, as_json(self.values))
 
 
-class Ros2Action(Requesting):
+class Ros2Action(_Driving):
     """Have a node of ROS 2 do an action of any type. It counts as one that drives the base.
 
     Running until it is over; what it says in the end is kept. Fails where it is rejected, aborted or cancelled, and
-    where its server goes away. Halted, it cancels the action and waits for its end.
+    where its server goes away, and while the base is stopped until somebody enables it. Halted, it cancels the action
+    and waits for its end.
     """
 
     word = "ros2_action"
-    drives = frozenset({"base"})
     stores = "the result"
     action: str = argument("text", "its name", principal=True)
     type: str = argument("text", "its type, `irobot_create_msgs/action/Dock`; else that of who offers it", default="")

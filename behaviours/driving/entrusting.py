@@ -4,7 +4,7 @@ from abc import abstractmethod
 
 from py_trees.common import Status
 
-from behaviours.driving.motion import Motion
+from behaviours.driving.motion import Motion, held_up
 from behaviours.leaf import SUCCESS
 from drivers.api import BaseState, GoalState, Ros2
 
@@ -12,7 +12,8 @@ from drivers.api import BaseState, GoalState, Ros2
 class Entrusting(Motion):
     """A motion that ends as the action that ``entrust`` has begun; without one, by itself.
 
-    Halted, it cancels that and waits for its end.
+    While the base is latched it begins none; latched under way, it fails. Halted, it cancels that and waits for its
+    end, and it cancels it where it fails.
     """
 
     uses = frozenset({"ros2"})
@@ -22,7 +23,7 @@ class Entrusting(Motion):
     def initialise(self) -> None:
         super().initialise()
         self._goal = None
-        if self.robot.ros2_part is not None:
+        if self.robot.ros2_part is not None and not self.robot.base.latched:
             self._goal = self.entrust(self.robot.ros2_part)
 
     @abstractmethod
@@ -34,6 +35,9 @@ class Entrusting(Motion):
         """Keep what it has come to; say what is done."""
 
     def update(self) -> Status:
+        latched = held_up(self.robot.base)
+        if latched:
+            return self.fail(latched)
         if self._goal is None:
             return super().update()
         state, progress = self.state(), self.robot.ros2.progress(self._goal)

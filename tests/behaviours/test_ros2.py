@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
+from behaviours.docking import Dock
 from behaviours.driving.go_to import GoTo
-from behaviours.leaf import FAILURE, RUNNING, SUCCESS
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.ros2 import CallService, Navigate, NavigateThrough, Publish, Ros2Action, Topic
 from drivers.api import BaseState, GoalState, Pose2D, Progress, Quality, Reading, Velocity
 from drivers.errors import NotConnected
@@ -103,6 +104,39 @@ def test_go_to_drives_by_nav2_where_there_is_one() -> None:
     bench.ros2.comes = Progress(GoalState.FAILED, "/navigate_to_pose: it made no progress (error 105)")
     assert bench.tick(leaf) is FAILURE
     assert leaf.feedback_message == "/navigate_to_pose: it made no progress (error 105)"
+
+
+LEAVES: tuple[tuple[type[Leaf], dict[str, object]], ...] = (
+    (Navigate, {"to": "kitchen"}),
+    (NavigateThrough, {"through": ["hall", "kitchen"]}),
+    (GoTo, {"x": 1.0, "y": 1.0}),
+    (Dock, {}),
+    (Ros2Action, {"action": "/dock"}),
+)
+
+
+@pytest.mark.parametrize(("leaf", "arguments"), LEAVES)
+def test_nothing_is_begun_while_the_base_is_latched(leaf: type[Leaf], arguments: dict[str, object]) -> None:
+    bench = Bench()
+    bench.ros2.nav2, bench.base.latched = True, "the stop button"
+    it = put(bench, leaf(leaf.word), **arguments)
+    assert bench.tick(it) is FAILURE
+    assert it.feedback_message == "the base is stopped: the stop button"
+    assert bench.ros2.commands == []
+
+
+@pytest.mark.parametrize(("leaf", "arguments"), LEAVES)
+def test_a_base_that_latches_by_itself_fails_and_cancels_what_nodes_do(
+    leaf: type[Leaf], arguments: dict[str, object]
+) -> None:
+    bench = Bench()
+    bench.ros2.nav2 = True
+    it = put(bench, leaf(leaf.word), **arguments)
+    assert bench.tick(it) is RUNNING
+    bench.base.latched = "it was away for a while"
+    assert bench.tick(it) is FAILURE
+    assert it.feedback_message == "the base is stopped: it was away for a while"
+    assert bench.ros2.commands[1:] == [("cancel", 1)]
 
 
 def test_a_service_is_asked_and_its_answer_kept() -> None:
