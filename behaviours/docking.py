@@ -20,7 +20,7 @@ class Dock(Entrusting):
     """Drive the base onto its dock, by the dock's infrared beams, or by the robot's own action.
 
     Running until the base stands on the contacts, then succeeds; at once, if it does so already. A robot of ROS 2 that
-    offers `dock`, as a Create 3 does, goes there by that, and it ends as that does. For others, the dock must be
+    has an action `dock`, as a Create 3 does, goes there by that, and it ends as that does. For others, the dock must be
     within hearing: some two metres, and not behind anything. Fails when it hears no dock in a full turn, when it has
     missed the contacts three times, when something is in its way, at a cliff, when a wheel drops, and while the base is
     stopped until somebody enables it. While somebody steers the base by hand it waits, then looks for the dock anew.
@@ -39,7 +39,7 @@ class Dock(Entrusting):
 
     def entrust(self, nodes: Ros2) -> int | None:
         state = self.state()
-        if (state is not None and state.docked) or not nodes.offers(ACTION):
+        if (state is not None and state.docked) or not nodes.does(ACTION):
             return None
         return nodes.begin(ACTION, "irobot_create_msgs/action/Dock", "{}")
 

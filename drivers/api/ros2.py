@@ -56,6 +56,10 @@ class Ros2(Device, Protocol):
         """Whether there is an action, a service or a topic of this name now."""
         ...
 
+    def does(self, action: str) -> bool:
+        """Whether there is an action of this name now: neither a service nor a topic."""
+        ...
+
     def navigates(self) -> bool:
         """Whether there is Nav2 to drive by."""
         ...

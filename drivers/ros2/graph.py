@@ -119,15 +119,19 @@ class Ros2Graph:
 
     def offers(self, name: str) -> bool:
         """Whether there is an action, a service or a topic of this name now."""
-        node, name = self._node, self.full(name)
+        node, full = self._node, self.full(name)
         if node is None:
             return False
-        servers = (f"{name}/_action/send_goal", name)
-        return any(node.kind_of(wire.SERVER, each) for each in servers) or bool(node.kind_of(wire.PUBLISHER, name))
+        return self.does(name) or any(node.kind_of(role, full) for role in (wire.SERVER, wire.PUBLISHER))
+
+    def does(self, action: str) -> bool:
+        """Whether there is an action of this name now."""
+        node = self._node
+        return node is not None and node.kind_of(wire.SERVER, f"{self.full(action)}/_action/send_goal") is not None
 
     def navigates(self) -> bool:
         """Whether there is Nav2 to drive by."""
-        return self.offers(self.keys.navigation)
+        return self.does(self.keys.navigation)
 
     def latest(self, topic: str) -> Reading[str]:
         """Return the newest message of a topic as JSON; it is heard from when it is first asked for.

@@ -195,6 +195,18 @@ def test_a_robot_that_docks_by_itself_is_asked_to_and_no_longer_homed() -> None:
     assert (leaf.result, bench.base.commands) == (64.0, [STOP])
 
 
+def test_a_topic_or_a_service_called_dock_leaves_it_to_find_the_dock_by_infrared(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bench = Bench()
+    monkeypatch.setattr(bench.ros2, "offers", lambda name: name == "dock")
+    leaf = bench.put(Dock("dock"))
+    bench.base.reading = good(at(dock=centre(FAR)))
+    assert bench.tick(leaf) is RUNNING
+    assert bench.ros2.commands == []
+    assert bench.base.commands != []
+
+
 def test_where_it_does_not_dock_it_fails_with_its_reason() -> None:
     bench = Bench()
     bench.ros2.nav2 = True

@@ -81,7 +81,11 @@ class Ros2Twin:
 
     def offers(self, name: str) -> bool:
         """Whether it is one of the actions of Nav2."""
-        return self.plug.online and name in {self._keys.navigation, self._keys.through}
+        return self.does(name)
+
+    def does(self, action: str) -> bool:
+        """Whether it is one of the actions of Nav2."""
+        return self.plug.online and action in {self._keys.navigation, self._keys.through}
 
     def navigates(self) -> bool:
         """Whether there is Nav2 to drive by."""

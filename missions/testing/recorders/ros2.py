@@ -26,7 +26,11 @@ class RecordedRos2(Spy):
 
     def offers(self, name: str) -> bool:
         """Whether there is anything."""
-        del name
+        return self.does(name)
+
+    def does(self, action: str) -> bool:
+        """Whether there is anything."""
+        del action
         return self.nav2
 
     def nodes(self) -> int:

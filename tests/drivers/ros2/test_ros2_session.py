@@ -158,3 +158,10 @@ def test_a_picture_whose_figures_make_no_sense_is_none(values: dict[str, object]
     good = {"height": 4, "width": 6, "encoding": "bgr8", "step": 18, "data": bytes(72)}
     with pytest.raises(ValueError, match=r"."):
         picture(IMAGES[0], types().encode(IMAGES[0], {**good, **values}))
+
+
+def test_a_topic_of_a_name_is_no_action_of_it(robot: Robot) -> None:
+    robot.open()
+    wait_until(lambda: robot.graph.does("dock") and robot.graph.offers("odom"))
+    assert robot.graph.offers("dock")
+    assert not robot.graph.does("odom")
