@@ -9,7 +9,7 @@ from py_trees.common import Status
 from behaviours.joint_motion import LONGEST_STEP, ON_ARM, RUN_IN
 from behaviours.joint_ranges import JointRanges, degrees
 from behaviours.leaf import Leaf, argument
-from behaviours.mirroring import Mirroring, by_range
+from behaviours.mirroring import Mirroring, by_range, spans
 from drivers.api import Coupling, Joints, JointState
 
 LIMP = 1.0
@@ -185,9 +185,15 @@ class Mirror(_Led):
         if len(leaders) != len(followers):
             wrong.append(f"{_count(leaders)} cannot lead {_count(followers)}")
         strange = dict.fromkeys(joint for joint in (*self.scales, *self.offsets) if joint not in followers)
-        ranged = [joint for joint in reach.named(self.by_range) if joint not in followers] if self.by_range else []
+        ranged = reach.named(self.by_range) if self.by_range else ()
         wrong += [f"'{joint}' has a scale or an offset, and does not follow" for joint in strange]
-        return [*wrong, *(f"'{joint}' goes by its range, and does not follow" for joint in ranged)]
+        wrong += [f"'{joint}' goes by its range, and does not follow" for joint in ranged if joint not in followers]
+        pairs = ((leader, joint) for leader, joint in zip(leaders, followers, strict=False) if joint in ranged)
+        fixed = [(leader, joint) for leader, joint in pairs if not spans(leading.joints[leader])]
+        return [
+            *wrong,
+            *(f"'{joint}' cannot go by its range: '{leader}', which leads it, has none" for leader, joint in fixed),
+        ]
 
     def _joints(self, reach: JointRanges) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return who leads, and who follows; where the one are not named, they are called as the others."""

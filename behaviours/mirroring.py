@@ -10,8 +10,13 @@ SLOWEST = 0.1
 """rad/s: under load, slower orders do not move a small servo evenly."""
 
 
+def spans(limits: JointLimits) -> bool:
+    """Whether a joint has a range that it may lead another through."""
+    return limits.upper > limits.lower
+
+
 def by_range(leader: str, here: JointLimits, follower: str, there: JointLimits) -> Coupling:
-    """Return what brings a joint as far through its range as the one that leads it."""
+    """Return what brings a joint as far through its range as the one that leads it, which ``spans`` one."""
     scale = (there.upper - there.lower) / (here.upper - here.lower)
     return Coupling(leader, follower, scale, there.lower - scale * here.lower)
 

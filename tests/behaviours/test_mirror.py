@@ -341,6 +341,14 @@ def test_two_arms_that_do_not_go_together_fail_it(arguments: dict[str, object], 
     assert (arms.left.commands, arms.right.commands) == ([], [])
 
 
+def test_a_leader_without_a_range_leads_nobody_through_one() -> None:
+    arms = TwoArms(by_range=("hand",))
+    arms.left.limits = {**arms.left.limits, "hand": JointLimits(0.5, 0.5, speed=2.0)}
+    assert arms.bench.tick(arms.leaf) is FAILURE
+    assert arms.leaf.reason == "'hand' cannot go by its range: 'hand', which leads it, has none"
+    assert (arms.left.commands, arms.right.commands) == ([], [])
+
+
 def test_a_joint_leads_one_of_the_same_name_in_another_arm() -> None:
     arms = TwoArms()
     given = {"leader": "hand", "follower": "hand", "on": "right_arm", "leader_arm": "arm"}

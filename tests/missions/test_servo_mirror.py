@@ -85,6 +85,8 @@ def test_joints_of_one_name_are_coupled_and_a_gripper_by_its_range() -> None:
     assert coupled(one, other, [])[0] == Coupling("gripper", "gripper")
     with pytest.raises(click.UsageError, match="the leader has toe, the follower gripper, elbow"):
         coupled({"toe": one["elbow"]}, other, [])
+    with pytest.raises(click.UsageError, match="gripper: the leader's limits are equal"):
+        coupled({**one, "gripper": JointLimits(0.5, 0.5, 1.0)}, other, ["gripper"])
 
 
 def test_a_leader_with_other_joints_is_told_before_anything_is_opened(

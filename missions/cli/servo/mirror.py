@@ -7,7 +7,7 @@ from threading import Event
 
 import click
 
-from behaviours.mirroring import Mirroring, by_range
+from behaviours.mirroring import Mirroring, by_range, spans
 from drivers.api import Coupling, JointLimits
 from drivers.dynamixel.driver import DynamixelJoints
 from drivers.errors import NotConnected
@@ -66,7 +66,13 @@ def _limits(target: Target) -> Mapping[str, JointLimits]:
 def coupled(
     leader: Mapping[str, JointLimits], follower: Mapping[str, JointLimits], ranged: Sequence[str]
 ) -> list[Coupling]:
-    """Return who leads whom: joints of one name. Raises click.UsageError where there are none."""
+    """Return who leads whom: joints of one name. Raises click.UsageError where there are none.
+
+    Nor may one lead by a range that has none.
+    """
+    fixed = [joint for joint in ranged if joint in leader and joint in follower and not spans(leader[joint])]
+    if fixed:
+        raise click.UsageError(f"{', '.join(fixed)}: the leader's limits are equal: no range to go through")
     found = [
         by_range(joint, leader[joint], joint, limits) if joint in ranged else Coupling(joint, joint)
         for joint, limits in follower.items()
