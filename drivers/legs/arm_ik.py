@@ -23,7 +23,7 @@ ARM_REASONS = (
     "the hand is too near to the shoulder",
     "the hand is too near to the axis of the shoulder's pitch, or too far along it",
     "the shoulder's angles are not determined: the hand lies on an axis",
-    "not a finite place",
+    "not a finite place, or twist",
     "a joint would be beyond its limits",
 )
 """Why a place of a hand cannot be reached, or in which way angles are not determined."""
@@ -71,14 +71,15 @@ def solve_arm(body: Body, side: Side, place: Floats, twist: Floats | float = 0.0
     *first, last = (body.offset[joint] for joint in joints)
     upper = first[2] if len(joints) == 4 else np.zeros(3)
     arm = _Arm(first[0], first[1], upper, last, body.end[joints[-1]])
-    finite = np.isfinite(place).all(axis=-1, keepdims=True)
-    asked = np.asarray(twist, np.float64)[..., None] * (sign[2] if len(joints) == 4 else 0.0)
+    asked = np.asarray(twist, np.float64)[..., None]
+    asked = asked * sign[2] if len(joints) == 4 else np.zeros_like(asked)
+    finite = np.isfinite(place).all(axis=-1, keepdims=True) & np.isfinite(asked)
     shoulder, elbow = WAYS.T
     with np.errstate(invalid="ignore", divide="ignore"):
         found = solver(arm, (place - arm.pitch)[..., None, :], asked, shoulder, elbow)
     pitch, roll, bend, reason = found
     reason = np.where(finite, reason, 5)
-    rows = [pitch, roll, np.broadcast_to(asked, reason.shape), bend]
+    rows = [pitch, roll, np.where(finite, asked, np.nan) + np.zeros(reason.shape), bend]
     angles = wrapped(np.stack([row for row in rows if len(joints) == 4 or row is not rows[2]], axis=-1)) * sign
     return Solution(np.where((reason == 0)[..., None], angles, np.nan), reason)
 
@@ -119,7 +120,7 @@ def _parallel(arm: _Arm, seen: Floats, twist: Floats, shoulder: Floats, elbow: F
     del twist
     x, y, z = np.moveaxis(seen, -1, 0)
     out = float(arm.roll[0] + arm.elbow[0] + arm.hand[0])  # no roll changes it
-    across = np.sqrt(x * x + z * z - out * out) * shoulder
+    across = np.sqrt(np.maximum(x * x + z * z - out * out, 0.0)) * shoulder
     thigh, shank = complex(*arm.elbow[1:]), complex(*arm.hand[1:])
     reach: Planar = y + 1j * across - complex(*arm.roll[1:])
     bend, short = _bent(thigh, shank, np.abs(reach), elbow)

@@ -8,6 +8,7 @@ from drivers.legs.arm_ik import ARM_REASONS, hand, solve_arm, within
 from drivers.legs.body import SIDES, Side, body_of
 from drivers.legs.declared import LegsKeys
 from drivers.legs.kinematics import forward
+from drivers.legs.leg_ik import SLACK
 from missions.order import RunRequest
 from tests.drivers.test_legs_kinematics import described
 
@@ -56,6 +57,26 @@ def test_a_place_that_no_hand_can_have_is_refused_with_the_reason(
     found = within(solve_arm(body, "left", np.array(place)), low[arm], high[arm])
     assert why in ARM_REASONS[int(found.reason)]
     assert np.isnan(found.angles).all()
+
+
+def test_a_hand_by_a_hair_too_near_to_the_axis_has_angles_that_are_numbers() -> None:
+    body, _, _ = described("op3")
+    pitch, roll, elbow = body.arms["left"]
+    body.offset[roll][0] = 0.02  # which no arm of ours has: the hand keeps that far from the pitch axis
+    out = 0.02 + body.offset[elbow][0] + body.end[elbow][0]
+    near = body.offset[pitch] + np.array([out - SLACK / 2, 0.15, 0.0])
+    found = solve_arm(body, "left", near)
+    assert found.reachable.any()
+    assert np.isfinite(found.angles[found.reachable]).all()
+
+
+@pytest.mark.parametrize("twist", [np.nan, np.inf])
+def test_a_twist_that_is_no_number_is_refused(twist: float) -> None:
+    body, _, _ = described("humanoid")
+    places = np.array([[-0.2, 0.15, 0.3], [-0.2, 0.15, 0.3]])
+    found = solve_arm(body, "left", places, np.array([twist, 0.0]))
+    assert {ARM_REASONS[reason] for reason in found.reason[0]} == {"not a finite place, or twist"}
+    assert found.reachable[1].any()
 
 
 def test_a_place_that_only_joints_beyond_their_limits_reach_is_told_so() -> None:
