@@ -195,7 +195,8 @@ class Notes:
         own = sorted({*self.params, *self.stored})
         state = [f"{name}.{member}" for name, members in STATE.items() for member in members]
         if plain_word(read.name) in FLAGS and not read.member:
-            return f"write '{FLAGS[plain_word(read.name)]}'"
+            flag = f"write '{FLAGS[plain_word(read.name)]}'"
+            return f"{flag}, or '{read.name}' in quotes for the text" if read.compared else flag
         if read.name in STATE:
             members = [name for name in state if name.startswith(f"{read.name}.")]
             return one_of(read.dotted, members) if read.member else f"which of it? known are: {', '.join(members)}"
