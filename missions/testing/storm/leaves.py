@@ -1,6 +1,6 @@
 """A leaf that misbehaves as leaves of users may: it raises, lies, never stops, or asks for what cannot be."""
 
-from math import inf, nan
+from math import inf, isfinite, nan
 from typing import Any
 
 from py_trees.common import Status
@@ -64,6 +64,11 @@ class Rogue(Leaf):
     _missed = 0
     _halted_at: float | None = None
     _late = 0
+
+    @property
+    def hopeless(self) -> bool:
+        """True where every part refuses what it asks for, so that it moves nothing."""
+        return not isfinite(GOALS[self.goal])
 
     def initialise(self) -> None:
         """Begin, or raise."""

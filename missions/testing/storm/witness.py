@@ -86,8 +86,8 @@ class Witness:
             leaf = self.leaves[event.node]
             self._claims(leaf, event.t)
             way = getattr(leaf, "way", "")
-            if (way, event.status) != (STOPS_NOT, "failure"):  # what was left moving goes on where that is refused
-                self._left -= leaf.claims
+            if not (event.status == "failure" and way == STOPS_NOT and getattr(leaf, "hopeless", False)):
+                self._left -= leaf.claims  # what was left moving goes on where nothing but refusals came of it
             if event.status == "success" and way == LEFT:
                 self._left |= leaf.claims
         elif isinstance(event, Ticked):

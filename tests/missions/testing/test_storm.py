@@ -1,7 +1,7 @@
 """The storm: a seed stands for all that happens, what must hold does, and what breaks is made small and told."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from random import Random
@@ -13,6 +13,7 @@ from behaviours.leaf import Leaf
 from behaviours.mirror import Mirror as Led
 from behaviours.stopping import Stopping
 from drivers.api import ignore
+from drivers.errors import DeviceFault
 from drivers.kobuki.steered import SteeredBase
 from drivers.sim.twins.joints import JointsTwin
 from missions.executive.decided import Decided
@@ -169,6 +170,24 @@ def test_what_was_left_moving_goes_on_where_another_is_refused_what_it_asks_for(
     )
     steps = [{"rogue_arm": left}, {"rogue_arm": refused, "on_failure": "succeed"}, {"wait": "3 s"}]
     assert play(slow(f"mission: left\ntree: {json.dumps({'sequence': steps})}\n")).broken == {}
+
+
+def test_who_fails_for_another_reason_than_a_refusal_leaves_nothing_moving(monkeypatch: pytest.MonkeyPatch) -> None:
+    move = JointsTwin.move
+
+    def complains(arm: JointsTwin, goals: Mapping[str, float], **given: Mapping[str, float] | None) -> object:
+        accepted = move(arm, goals, **given)
+        if 0.2 in goals.values():
+            raise DeviceFault("arm: a servo is too warm")
+        return accepted
+
+    left, failed = (
+        {"rogue_arm": {"way": way, "goal": goal, "after": 3}}
+        for way, goal in (("leaves", "fast"), ("never stops", "mild"))
+    )
+    tree = {"sequence": [left, {**failed, "on_failure": "succeed"}, {"wait": "3 s"}]}
+    monkeypatch.setattr(JointsTwin, "move", complains)
+    assert "claimed_motion" in play(slow(f"mission: failed\ntree: {json.dumps(tree)}\n")).broken
 
 
 @pytest.mark.usefixtures("no_bumps")
