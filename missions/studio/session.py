@@ -1,7 +1,7 @@
 """One client of the studio: reads its commands, lets through what its role may do, and passes on what the runs say."""
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Coroutine, Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -30,6 +30,9 @@ MOST_UNREAD = 65536
 HELLO_TIME = 10.0
 """Seconds that a client has to say hello."""
 
+STOP_TIME = 10.0
+"""Seconds for which a session of somebody who has gone is kept for the stops that they have asked for."""
+
 REFUSED = 1008
 """The code by which a websocket is closed to who does not keep to the protocol."""
 
@@ -46,6 +49,7 @@ class Session:
         self._links: dict[str, Link] = {}
         self._waiting: asyncio.Queue[OfRun] = asyncio.Queue(MOST_WAITING)
         self._tasks: set[asyncio.Task[None]] = set()
+        self._stops: set[asyncio.Task[None]] = set()
         self._hearers: dict[str, Hearer] = {}
         self._epoch, self._out = studio.access.epoch, False
         self._served: asyncio.Task[Any] | None = None
@@ -76,6 +80,8 @@ class Session:
         finally:
             # First what moves: the ends of these connections stop the base.
             await asyncio.gather(*(link.close() for link in self._links.values()), return_exceptions=True)
+            if self._stops:  # a stop is done and written down although nobody hears of it any more
+                await asyncio.wait(self._stops, timeout=STOP_TIME)
             for task in list(self._tasks):
                 task.cancel()
             await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -130,7 +136,8 @@ class Session:
             command = read_command(line)
             number = command.id
             if isinstance(command, Stop):
-                self._begin(self._answered(command, self._stop(command)))
+                self._stops.add(stop := self._begin(self._answered(command, self._stop(command))))
+                stop.add_done_callback(self._stops.discard)
                 if not self._has_allowance():
                     await asyncio.sleep(1 / RATE)  # it is done; what comes next of this client waits
                 return
@@ -256,10 +263,11 @@ class Session:
         if hearer.gone:
             self.shut_out()
 
-    def _begin(self, work: Any) -> None:
+    def _begin(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
         task = asyncio.ensure_future(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+        return task
 
 
 def _refused(number: int | None, error: BadMessage) -> Answer:

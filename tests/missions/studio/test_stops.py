@@ -13,6 +13,7 @@ from subprocess import Popen
 from typing import Any, cast
 
 import pytest
+from starlette.websockets import WebSocketDisconnect
 
 from drivers.clock import ManualClock
 from missions.studio import sockets
@@ -98,6 +99,47 @@ def test_however_many_ask_for_it_a_stop_that_is_on_its_way_is_followed_by_one_mo
         assert all(each == {number: {"parts": ["base"]}} for each in told)
 
     asyncio.run(asyncio.wait_for(work(), PATIENCE))
+
+
+class Leaving:
+    """A websocket whose client says these lines and has gone at once."""
+
+    def __init__(self, *lines: str) -> None:
+        self._lines = [*lines]
+
+    async def accept(self) -> None:
+        pass
+
+    async def receive_text(self) -> str:
+        if not self._lines:
+            raise WebSocketDisconnect
+        return self._lines.pop(0)
+
+    async def send_text(self, text: str) -> None:
+        del text
+        if not self._lines:
+            raise WebSocketDisconnect
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("which", ["", "one"])
+def test_a_stop_is_done_and_written_down_although_who_asked_for_it_has_gone_at_once(
+    tmp_path: Path, number: str, which: str
+) -> None:
+    async def work() -> None:
+        run, studio = StandInRun(number), studio_of(tmp_path)
+        run.answers.set()
+        stop = {"do": "stop", "press": "a", **({"run": number} if which else {})}
+        client = Leaving('{"do": "hello", "version": "1"}', json.dumps(stop))
+        async with run.served(), studio.hub:
+            await studio.hub.look()
+            await Session(cast("Any", client), "viewer", "gone", studio).run()
+            while not run.asked:
+                await asyncio.sleep(0)
+        assert [each["by"] for each in run.asked] == ["gone"]
+        assert '"stop"' in (tmp_path / "log").read_text()
+
+    asyncio.run(asyncio.wait_for(work(), 10.0))
 
 
 @pytest.mark.real_time
