@@ -162,7 +162,7 @@ class Leaf(Stopping):
         self.run.working = before
         return at_rest
 
-    def work(self) -> Status:
+    def on_tick(self) -> Status:
         """Start if need be, update once, and turn whatever goes wrong into a failure with a reason.
 
         This is the hot path of every tick: what is rarely needed is asked for with one comparison.
@@ -270,7 +270,7 @@ def _words(error: BaseException) -> str:
     """Return an exception's words; none where it cannot say them, which may raise whatever there is."""
     try:
         return str(error)
-    except BaseException:  # as in Leaf.work
+    except BaseException:  # as in Leaf.on_tick
         return ""
 
 

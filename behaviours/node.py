@@ -1,7 +1,7 @@
 """The node that all our behaviours and composites are: a py_trees behaviour that is ticked without generators.
 
 py_trees drives its nodes through ``tick()``, a generator, and stops them through ``stop()``, which it also sends to
-nodes that have ended already. Ours are driven through three plain methods instead: ``advance`` (one tick), ``halt``
+nodes that have ended already. Ours are driven through three plain methods instead: ``execute_tick``, ``halt``
 (stop what is running, once, if need be over several ticks) and ``reset`` (forget an old result). ``tick()`` and
 ``stop()`` still work, so py_trees' own tools do too.
 """
@@ -49,20 +49,20 @@ class Node(Behaviour):
         """The actuators that it, or anything below it, may drive."""
         return frozenset().union(*(child.claims for child in self.children if isinstance(child, Node)))
 
-    def advance(self) -> Status:
+    def execute_tick(self) -> Status:
         """Tick once and return the new status."""
-        status = self.work()
+        status = self.on_tick()
         if status is not self.status:
             self.publish(status)
         return status
 
     @abstractmethod
-    def work(self) -> Status:
+    def on_tick(self) -> Status:
         """Do one tick's work and return the new status, without publishing it yet."""
 
     def update(self) -> Status:
         """Do one tick's work, for py_trees, whose own tick asks for it; ours does not."""
-        return self.work()
+        return self.on_tick()
 
     def publish(self, status: Status) -> None:
         """Take on a new status, and tell whoever watches."""
@@ -94,8 +94,8 @@ class Node(Behaviour):
         """Forget a halt that is under way: it takes too long, and the actuators were brought to rest for it."""
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick as py_trees does: advance once, then yield every node that has a status, this one last."""
-        self.advance()
+        """Tick as py_trees does: execute one tick, then yield every node that has a status, this one last."""
+        self.execute_tick()
         yield from (node for node in self.iterate() if node is self or node.status is not IDLE)
 
     def stop(self, new_status: Status = IDLE) -> None:

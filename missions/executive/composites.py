@@ -26,7 +26,7 @@ class Composite(Parent):
         adopt(composite, children)
         return composite
 
-    def start(self) -> str:
+    def on_start(self) -> str:
         reset_all(self.members)
         self.begin()
         return ""
@@ -51,13 +51,13 @@ class InOrder(Composite):
         self._index = 0
         self.order = self.members
 
-    def go_on(self) -> Status:
+    def on_running(self) -> Status:
         order, passes, index = self.order, self.passes, self._index
         last = len(order) - 1
         while True:
             child = order[index]
-            status = child.work()
-            if status is not child.status:  # as ``advance`` does, without the call
+            status = child.on_tick()
+            if status is not child.status:  # as ``execute_tick`` does, without the call
                 child.publish(status)
             if status is not passes or index == last:
                 break
@@ -79,7 +79,7 @@ class _Reactive(Composite):
     def begin(self) -> None:
         self._running = self._retiring = None
 
-    def go_on(self) -> Status:
+    def on_running(self) -> Status:
         if not self._retired():
             return RUNNING
         behind = self._running  # the child that runs, while we are still before it
@@ -88,7 +88,7 @@ class _Reactive(Composite):
             self.current_child = child
             if child is behind:
                 behind = None
-            status = child.advance() if behind is None else self._advance_before(child, behind)
+            status = child.execute_tick() if behind is None else self._tick_before(child, behind)
             if status is not self.passes:
                 break
         self._running = child if status is RUNNING else None
@@ -102,7 +102,7 @@ class _Reactive(Composite):
             self._retiring = None
         return self._retiring is None
 
-    def _advance_before(self, child: Node, behind: Node) -> Status:
+    def _tick_before(self, child: Node, behind: Node) -> Status:
         """Tick a child of higher priority than the one that runs; where it takes over, that one is halted first.
 
         A leaf that is about to drive an actuator halts it before it starts (through ``Run.preempt``). Others show
@@ -111,7 +111,7 @@ class _Reactive(Composite):
         preemptible = self.run.preemptible
         preemptible.append(behind)
         try:
-            status = child.work()
+            status = child.on_tick()
         finally:
             preemptible.pop()
         if status is not self.passes and not behind.halt():
@@ -204,8 +204,8 @@ class Parallel(Composite, composites.Parallel):
         parallel.counts = step.arguments
         return parallel
 
-    def start(self) -> str:
-        super().start()
+    def on_start(self) -> str:
+        super().on_start()
         settings = {}
         for word, value in self.counts.items():
             try:
@@ -215,12 +215,12 @@ class Parallel(Composite, composites.Parallel):
         self._decision = decision(len(self.members), settings)
         return ""
 
-    def go_on(self) -> Status:
+    def on_running(self) -> Status:
         succeeded = failed = 0
         for child in self.members:
             status = child.status
             if status is not SUCCESS and status is not FAILURE:
-                status = child.advance()
+                status = child.execute_tick()
             if status is RUNNING:
                 continue
             succeeded += status is SUCCESS
@@ -246,9 +246,9 @@ class Race(Composite, composites.Parallel):
     def __init__(self, name: str) -> None:
         composites.Parallel.__init__(self, name, policy=ParallelPolicy.SuccessOnOne())
 
-    def go_on(self) -> Status:
+    def on_running(self) -> Status:
         for child in self.members:
-            status = child.advance()
+            status = child.execute_tick()
             if status is not RUNNING:
                 return self.end(self.blame(child) if status is FAILURE else status)
         return RUNNING

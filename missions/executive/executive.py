@@ -188,7 +188,7 @@ class Executive:
         self._frozen_tick.begin()
         try:
             self._look()
-            status = self._give_up() if self._alarm else self.root.advance()
+            status = self._give_up() if self._alarm else self.root.execute_tick()
         finally:
             self._frozen_tick.end("tick", late)
         if self.stream.wanted:

@@ -41,7 +41,7 @@ class ForEach(Parent, Decorator):
         del inner
         return cls(step.name, children[0], step.arguments["in"], step.binds)
 
-    def start(self) -> str:
+    def on_start(self) -> str:
         try:
             found = self.among.resolve(self.scope)
         except (ExpressionError, ValueError) as error:
@@ -51,12 +51,12 @@ class ForEach(Parent, Decorator):
         self.child.reset()
         return ""
 
-    def go_on(self) -> Status:
+    def on_running(self) -> Status:
         if self.child.status is not RUNNING:
             if self._place == 0 and self.setting.count == 0:
                 return SUCCESS
             self._take()
-        status = self.child.advance()
+        status = self.child.execute_tick()
         if status is FAILURE:
             self.feedback_message = f"{self.kind} {self._said()}: {self.child.feedback_message}"
         if status is not SUCCESS:

@@ -1,6 +1,5 @@
 """The modifiers of the mission language, as py_trees decorators."""
 
-from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
@@ -34,7 +33,7 @@ class Modifier(Parent, Decorator):
         del inner
         return cls(step.name, children[0], step.arguments["value"])
 
-    def start(self) -> str:
+    def on_start(self) -> str:
         self.since = self.run.now()
         try:
             self.setting = self.value.resolve(self.scope)
@@ -46,20 +45,9 @@ class Modifier(Parent, Decorator):
     def begin(self) -> None:
         """Forget an earlier run of it."""
 
-    def go_on(self) -> Status:
-        try:
-            return self.modify()
-        except ExpressionError as error:
-            self.feedback_message = f"{self.kind}: {error}"
-            return self.end(FAILURE)
-
-    @abstractmethod
-    def modify(self) -> Status:
-        """Tick the child, or not, and turn its status into this node's."""
-
     def tick_child(self) -> Status:
         """Tick the child and pass its reason on."""
-        status = self.child.advance()
+        status = self.child.execute_tick()
         self.feedback_message = self.child.feedback_message
         return status
 
@@ -67,9 +55,9 @@ class Modifier(Parent, Decorator):
 class Condition(Modifier):
     """One whose ``value`` is a condition; it fails where that rests on what nothing measures."""
 
-    def start(self) -> str:
+    def on_start(self) -> str:
         why = unmeasured(self.value, self.scope)
-        return f"{self.kind}: {why}" if why else super().start()
+        return f"{self.kind}: {why}" if why else super().on_start()
 
     def true_now(self) -> bool:
         """Ask the expression in ``value`` now. Raises ExpressionError."""
@@ -81,14 +69,14 @@ class If(Condition):
 
     run_state = ("setting",)
 
-    def modify(self) -> Status:
+    def on_running(self) -> Status:
         return self.tick_child() if self.setting else SUCCESS
 
 
 class While(Condition):
     """Asked at every tick; once it is false the node is halted and fails."""
 
-    def modify(self) -> Status:
+    def on_running(self) -> Status:
         if self.true_now():
             return self.tick_child()
         condition = self.value.template
@@ -100,7 +88,7 @@ class While(Condition):
 class Until(Condition):
     """Asked at every tick; once it is true the node is halted and succeeds."""
 
-    def modify(self) -> Status:
+    def on_running(self) -> Status:
         return self.end(SUCCESS) if self.true_now() else self.tick_child()
 
 
@@ -109,7 +97,7 @@ class Timeout(Modifier):
 
     run_state = ("setting", "since")
 
-    def modify(self) -> Status:
+    def on_running(self) -> Status:
         if self.run.now() - self.since >= self.setting:
             waited = f"timed out after {written(self.setting, 'duration')}"
             why = _tip(self.child).feedback_message
@@ -127,7 +115,7 @@ class Retry(Modifier):
     def begin(self) -> None:
         self._attempts = 0
 
-    def modify(self) -> Status:
+    def on_running(self) -> Status:
         if self.child.status is not RUNNING:
             self._attempts += 1
             self.child.reset()
@@ -146,7 +134,7 @@ class Repeat(Modifier):
     def begin(self) -> None:
         self._runs = 0
 
-    def modify(self) -> Status:
+    def on_running(self) -> Status:
         if self.child.status is not RUNNING:
             self._runs += 1
             self.child.reset()
@@ -159,7 +147,7 @@ class Repeat(Modifier):
 class Invert(Modifier):
     """Success for failure and failure for success."""
 
-    def modify(self) -> Status:
+    def on_running(self) -> Status:
         status = self.tick_child()
         if status is SUCCESS:
             self.feedback_message = f"{self.child.name} succeeded"
@@ -170,7 +158,7 @@ class Invert(Modifier):
 class OnFailure(Modifier):
     """A failure counts as success."""
 
-    def modify(self) -> Status:
+    def on_running(self) -> Status:
         status = self.tick_child()
         return SUCCESS if status is FAILURE else status
 
@@ -178,7 +166,7 @@ class OnFailure(Modifier):
 class OnSuccess(Modifier):
     """A success counts as failure."""
 
-    def modify(self) -> Status:
+    def on_running(self) -> Status:
         status = self.tick_child()
         if status is SUCCESS:
             self.feedback_message = f"{self.child.name} succeeded"
@@ -191,7 +179,7 @@ class OnRunning(Modifier):
 
     run_state = ("setting",)
 
-    def modify(self) -> Status:
+    def on_running(self) -> Status:
         status = self.tick_child()
         if status is not RUNNING:
             return status
@@ -211,7 +199,7 @@ class Hold(Modifier):
     def begin(self) -> None:
         self._succeeding_since = None
 
-    def modify(self) -> Status:
+    def on_running(self) -> Status:
         if self.tick_child() is not SUCCESS:
             self._succeeding_since = None
             return RUNNING
@@ -226,7 +214,7 @@ class Delay(Modifier):
 
     run_state = ("setting", "since")
 
-    def modify(self) -> Status:
+    def on_running(self) -> Status:
         if self.child.status is RUNNING or self.run.now() - self.since >= self.setting:
             return self.tick_child()
         return RUNNING
@@ -239,7 +227,7 @@ class Cooldown(Modifier):
     lasting_state = ("_succeeded_at",)
     _succeeded_at: float | None = None
 
-    def modify(self) -> Status:
+    def on_running(self) -> Status:
         now = self.run.now()
         if self._succeeded_at is not None:
             left = self._succeeded_at + self.setting - now
@@ -259,7 +247,7 @@ class Once(Modifier):
     lasting_state = ("_result",)
     _result: tuple[Status, str, object] | None = None
 
-    def modify(self) -> Status:
+    def on_running(self) -> Status:
         if self._result is not None and self._result[2] == self.setting:
             status, self.feedback_message, _ = self._result
             return status

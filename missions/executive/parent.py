@@ -8,6 +8,7 @@ from py_trees.common import Status
 
 from behaviours.node import Node
 from drivers.errors import NotConnected
+from missions.language.expressions import ExpressionError
 from missions.language.plan import Step
 
 RUNNING, SUCCESS, FAILURE, IDLE = Status.RUNNING, Status.SUCCESS, Status.FAILURE, Status.INVALID
@@ -30,8 +31,8 @@ class Parent(Node):
     def of(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
         """Make the node of a step around its children; ``inner`` are the variables of the mission that they are in."""
 
-    def work(self) -> Status:
-        """Start if need be, then go on.
+    def on_tick(self) -> Status:
+        """Start if need be, then tick on.
 
         Ticked again before its halt is through, it finishes that first and starts afresh.
         """
@@ -46,22 +47,25 @@ class Parent(Node):
             if afresh:
                 self.feedback_message = ""
                 self.unstarted = True
-                problem = self.start()
+                problem = self.on_start()
                 self.unstarted = False
                 if problem:
                     self.feedback_message = problem
                     return FAILURE
-            return self.go_on()
+            return self.on_running()
         except NotConnected as error:  # what an expression asks for is not reported just now
             self.feedback_message = f"waiting: {error}"
             return RUNNING
+        except ExpressionError as error:
+            self.feedback_message = f"{self.kind}: {error}"
+            return self.end(FAILURE)
 
-    def start(self) -> str:
+    def on_start(self) -> str:
         """Forget an earlier run; return why it cannot start, or nothing."""
         return ""
 
     @abstractmethod
-    def go_on(self) -> Status:
+    def on_running(self) -> Status:
         """Tick the members by this node's rule."""
 
     def end(self, status: Status) -> Status:

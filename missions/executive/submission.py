@@ -45,7 +45,7 @@ class Submission(Parent, Decorator):
         params, returns = step.arguments, step.returns
         return cls(step.name, children[0], params=params, returns=returns, inner=inner, keep_as=step.keep_as)
 
-    def start(self) -> str:
+    def on_start(self) -> str:
         (child,) = self.members
         child.reset()
         try:
@@ -57,10 +57,10 @@ class Submission(Parent, Decorator):
         self.run.stored = True
         return ""
 
-    def go_on(self) -> Status:
+    def on_running(self) -> Status:
         (child,) = self.members
         # One that has ended may wait for what it returns to be reported.
-        status = child.advance() if child.status in (RUNNING, IDLE) else child.status
+        status = child.execute_tick() if child.status in (RUNNING, IDLE) else child.status
         if status is RUNNING:
             return status
         problem = self._hand_back(waits=status is SUCCESS)

@@ -41,7 +41,7 @@ class Switch(Composite, composites.Selector):
     def begin(self) -> None:
         self._chosen = None
 
-    def go_on(self) -> Status:
+    def on_running(self) -> Status:
         if self._chosen is None:
             self._chosen = self.ask()
         return FAILURE if self._chosen is None else self.tick_chosen(self._chosen)
@@ -49,7 +49,7 @@ class Switch(Composite, composites.Selector):
     def tick_chosen(self, child: Node) -> Status:
         """Tick the child that was chosen."""
         self.current_child = child
-        status = child.advance()
+        status = child.execute_tick()
         return self.blame(child) if status is FAILURE else status
 
     def ask(self) -> Node | None:
@@ -76,7 +76,7 @@ class Switch(Composite, composites.Selector):
 class ReactiveSwitch(Switch):
     """A switch that asks at every tick. Another case halts the child that runs, and starts once that is at rest."""
 
-    def go_on(self) -> Status:
+    def on_running(self) -> Status:
         chosen = self.ask()
         if chosen is None:
             return self.end(FAILURE)

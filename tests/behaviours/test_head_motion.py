@@ -43,7 +43,7 @@ class Stage:
     def tick(self) -> Status:
         self.look_on()
         self.bench.run.tick += 1
-        status = self.leaf.advance()
+        status = self.leaf.execute_tick()
         self.reasons.append(self.leaf.reason)
         return status
 

@@ -77,14 +77,16 @@ def rows() -> Iterator[Row]:
             ticked = 2 if name == "mostly idle" else size
             calls = max(3, 3000 // ticked)
             other = theirs(shape)
-            yield compare(f"tick, {size} nodes, {name}", ours(shape).advance, other.tick_once, calls=calls, bound=0.2)
+            yield compare(
+                f"tick, {size} nodes, {name}", ours(shape).execute_tick, other.tick_once, calls=calls, bound=0.2
+            )
             told = ours(shape)
             heard: list[Event] = []
             stream = Stream([heard.append])
             Executive(told, told.run, stream)
             stream.open()
             yield compare(
-                f"tick with events, {size} nodes, {name}", told.advance, other.tick_once, calls=calls, bound=0.3
+                f"tick with events, {size} nodes, {name}", told.execute_tick, other.tick_once, calls=calls, bound=0.3
             )
             stream.close()
             last = {event.node: event.status for event in heard if isinstance(event, NodeChanged)}

@@ -71,7 +71,7 @@ def test_what_is_told_later_is_what_would_have_been_told_at_once(
         runner, clock = executive(stream, kind("all"), *map(pretend, outcomes))
         for _ in range(ticks):
             clock.advance(0.1)
-            runner.root.advance()  # without the end of a tick, which would wake the stream's thread
+            runner.root.execute_tick()  # without the end of a tick, which would wake the stream's thread
             runner.run.tick += 1
         runner.root.halt()
     kept.close()
@@ -87,7 +87,7 @@ def test_a_change_is_told_as_it_was_though_the_node_has_changed_since() -> None:
     for run_tick in (1, 2):
         clock.advance(0.5)
         runner.run.tick = run_tick
-        runner.root.advance()
+        runner.root.execute_tick()
     assert heard == []  # nothing has come to wake the thread
     stream.close()
     assert heard == [
@@ -169,7 +169,7 @@ def test_changes_that_no_listener_has_time_for_are_counted(monkeypatch: pytest.M
     stream = Stream([heard.append])
     stream.open()
     runner, _ = executive(stream, Sequence("s"), *(pretend([SUCCESS]) for _ in range(5)))
-    runner.root.advance()
+    runner.root.execute_tick()
     stream.close()
     assert len(heard) == 3
     assert stream.dropped == 3  # two leaves and the sequence

@@ -54,7 +54,7 @@ class Ticked:
         for _ in range(times):
             self.clock.advance(0.05)
             self.run.tick += 1
-            if self.root.advance() is not Status.RUNNING:
+            if self.root.execute_tick() is not Status.RUNNING:
                 break
         return self.root.status
 

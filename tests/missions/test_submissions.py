@@ -63,7 +63,7 @@ def named(root: Node, name: str) -> Node:
 
 def test_a_submission_gets_its_params_and_hands_its_results_back_under_one_name(folder: Path) -> None:
     root, run = ready(load(folder, "  mission: square.yaml\n  with: {side: 2 m, corners: 3}\n  as: done\n"))
-    assert root.advance() is Status.SUCCESS
+    assert root.execute_tick() is Status.SUCCESS
     assert run.variables["done"] == {"length": 6.0, "corners": 3}
     assert "driven" not in run.variables, "its variables are its own"
     assert named(root, "log").reason == "2 m by 3"
@@ -72,13 +72,13 @@ def test_a_submission_gets_its_params_and_hands_its_results_back_under_one_name(
 def test_without_as_each_result_becomes_a_variable_of_its_own_name(folder: Path) -> None:
     tree = "  sequence:\n    - mission: square.yaml\n    - log: ${length} and ${corners}\n      name: told\n"
     root, _ = ready(load(folder, tree))
-    assert root.advance() is Status.SUCCESS
+    assert root.execute_tick() is Status.SUCCESS
     assert named(root, "told").reason == "2 m and 4"
 
 
 def test_returns_beside_the_call_are_computed_among_the_submissions_variables(folder: Path) -> None:
     root, run = ready(load(folder, "  mission: square.yaml\n  returns: {twice: driven * 2}\n"))
-    assert root.advance() is Status.SUCCESS
+    assert root.execute_tick() is Status.SUCCESS
     assert run.variables["twice"] == 4.0
     assert "length" not in run.variables
 
@@ -101,7 +101,7 @@ def test_results_of_a_submission_that_failed_are_kept_as_far_as_they_were_set(fo
     for beside in ("", "\n  as: done"):
         root, run = ready(load(folder, f"  mission: tour.yaml{beside}\n"))
         run.variables["home"] = "of before"
-        assert root.advance() is Status.FAILURE
+        assert root.execute_tick() is Status.FAILURE
         assert root.reason == "no door"
         kept = run.variables["done"] if beside else run.variables
         assert isinstance(kept, dict)
@@ -113,7 +113,7 @@ def test_results_of_a_submission_that_failed_are_kept_as_far_as_they_were_set(fo
 def test_a_result_that_cannot_be_computed_makes_a_success_a_failure_and_the_others_are_kept(folder: Path) -> None:
     (folder / "half.yaml").write_text("mission: half\ntree: {set: {a: 1, b: x}}\nreturns: {c: a / (a - 1), d: a}\n")
     root, run = ready(load(folder, "  mission: half.yaml\n"))
-    assert root.advance() is Status.FAILURE
+    assert root.execute_tick() is Status.FAILURE
     assert root.reason == "returns: 'a / (a - 1)' divides by zero"
     assert run.variables["d"] == 1
     assert "c" not in run.variables
@@ -124,7 +124,7 @@ def test_a_submission_that_is_halted_hands_nothing_back(folder: Path) -> None:
         "mission: slow\ntree: {sequence: [{set: {a: 1}}, {wait: 9 s}]}\nreturns: {a: a}\n"
     )
     root, run = ready(load(folder, "  mission: slow.yaml\n  on_running: fail\n"))
-    assert root.advance() is Status.FAILURE
+    assert root.execute_tick() is Status.FAILURE
     assert "a" not in run.variables
 
 
@@ -137,7 +137,7 @@ def test_params_are_computed_anew_at_each_start_and_variables_forgotten(folder: 
     root, run = ready(load(folder, "  sequence:\n    - set: {n: 10}\n    - " + tree.strip().replace("\n", "\n    ")))
     run.tick = 1
     for _ in range(5):
-        if root.advance() is not Status.RUNNING:
+        if root.execute_tick() is not Status.RUNNING:
             break
     assert run.variables["n"] == 13
 
@@ -243,7 +243,7 @@ def test_a_switch_does_the_case_of_its_value(on: str, said: str, folder: Path) -
     any_kind = f"  sequence:\n    - set: {{it: '${{[1]}}'}}\n    - set: {{it: \"${{{on}}}\"}}\n"
     switch = "    - " + SWITCH.replace("ON", "it").strip().replace("\n", "\n    ") + "\n"
     root, _ = ready(load(folder, any_kind + switch, head="params: {far: 2 m}\n"))
-    assert root.advance() is Status.SUCCESS
+    assert root.execute_tick() is Status.SUCCESS
     assert [
         node.reason for node in root.iterate() if isinstance(node, Node) and node.kind == "log" and node.reason
     ] == [said]
@@ -252,16 +252,16 @@ def test_a_switch_does_the_case_of_its_value(on: str, said: str, folder: Path) -
 def test_a_switch_without_a_case_or_a_default_fails_and_says_for_what(folder: Path) -> None:
     tree = "  switch: {on: \"'blue'\", cases: {red: succeed, 3: succeed}}\n"
     root, _ = ready(load(folder, tree))
-    assert root.advance() is Status.FAILURE
+    assert root.execute_tick() is Status.FAILURE
     assert root.reason == "no case for blue, and no default"
 
 
 def test_a_switch_keeps_to_its_case_until_that_ends(folder: Path) -> None:
     tree = "  switch:\n    on: colour\n    cases:\n      red: {pretend: [running, success]}\n      blue: fail\n"
     root, run = ready(load(folder, tree, head="params: {colour: red}\n"))
-    assert root.advance() is Status.RUNNING
+    assert root.execute_tick() is Status.RUNNING
     run.variables["colour"] = "blue"
-    assert root.advance() is Status.SUCCESS
+    assert root.execute_tick() is Status.SUCCESS
 
 
 def names(seen: list[str], status: Status) -> NodeByNode:
@@ -278,7 +278,7 @@ def test_a_random_sequence_does_all_in_an_order_of_its_seed(folder: Path) -> Non
         seen: list[str] = []
         run.observer = names(seen, Status.SUCCESS)
         for _ in range(7):
-            root.advance()
+            root.execute_tick()
         assert root.status is Status.SUCCESS
         return seen[:-1]
 
@@ -294,6 +294,6 @@ def test_a_random_selector_tries_until_one_succeeds_and_draws_anew_at_each_start
     for _ in range(8):
         seen: list[str] = []
         run.observer = names(seen, Status.FAILURE)
-        assert root.advance() is Status.FAILURE
+        assert root.execute_tick() is Status.FAILURE
         orders.add(tuple(seen))
     assert len(orders) > 3

@@ -21,7 +21,7 @@ from missions.executive.variables import Changes
 class Leaf(Node):
     """A node that does nothing: the whole tree."""
 
-    def work(self) -> None:  # type: ignore[override] # is never ticked
+    def on_tick(self) -> None:  # type: ignore[override] # is never ticked
         """Do nothing."""
 
     def halt(self) -> bool:

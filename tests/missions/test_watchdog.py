@@ -77,7 +77,7 @@ class Kennel:
 
         self.leaf.work_of_tick = dawdle
         self.run.tick += 1
-        status = self.leaf.advance()
+        status = self.leaf.execute_tick()
         self.run.beat()
         return status
 
@@ -162,12 +162,12 @@ def test_a_stalled_leaf_may_move_nothing_until_its_tick_is_over(kennel: Kennel) 
 
     kennel.leaf.work_of_tick = drive
     kennel.run.tick += 1
-    kennel.leaf.advance()
+    kennel.leaf.execute_tick()
     assert refused == ["kept still: dawdle (line 4) holds the tick"]
     kennel.dog.permit()  # what comes after it in the same tick may
     kennel.run.tick += 1
     kennel.leaf.work_of_tick = kennel.permitted
-    assert kennel.leaf.advance() is SUCCESS
+    assert kennel.leaf.execute_tick() is SUCCESS
 
 
 def test_a_leaf_that_holds_a_tick_for_seconds_has_failed_whatever_it_returns(kennel: Kennel) -> None:

@@ -146,7 +146,7 @@ class Trial:
 
     def _tick(self) -> None:
         self._leaf.run.tick += 1
-        if self._leaf.advance() is Status.FAILURE:
+        if self._leaf.execute_tick() is Status.FAILURE:
             self._trace.lost = True
 
     def _expose(self) -> None:

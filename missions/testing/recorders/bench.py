@@ -74,7 +74,7 @@ class Bench:
         """Let ``after`` seconds pass, then tick once."""
         self.clock.advance(after)
         self.run.tick += 1
-        return node.advance()
+        return node.execute_tick()
 
     def halt(self, node: Node, *, after: float = 0.05) -> bool:
         """Let ``after`` seconds pass, then ask it to halt, as a tick does."""

@@ -77,7 +77,7 @@ class Model:
     def tick(self) -> None:
         """Tick once."""
         self.run.tick += 1
-        self.root.advance()
+        self.root.execute_tick()
         self.watch.after_tick()
 
     def halt(self) -> bool:

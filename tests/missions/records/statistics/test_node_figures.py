@@ -62,8 +62,8 @@ def worked(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
         return counted
 
-    monkeypatch.setattr(Leaf, "work", counting(Leaf.work))
-    monkeypatch.setattr(Parent, "work", counting(Parent.work))
+    monkeypatch.setattr(Leaf, "on_tick", counting(Leaf.on_tick))
+    monkeypatch.setattr(Parent, "on_tick", counting(Parent.on_tick))
     return counts
 
 

@@ -16,7 +16,7 @@ from behaviours.node import Node
 OURS = ("behaviours.", "missions.", "tests.")
 """The packages whose classes are read: py_trees' own methods are not called."""
 
-STARTS = frozenset({"start", "begin", "initialise"})
+STARTS = frozenset({"on_start", "begin", "initialise"})
 """The methods by which a node forgets an earlier run of it."""
 
 IGNORED = frozenset(

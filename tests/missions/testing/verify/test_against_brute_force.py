@@ -77,7 +77,7 @@ def enumerated(plan: Plan, seconds: tuple[float, ...]) -> Iterator[tuple[int, St
         for tick in range(1, TICKS + 1):
             clock.advance(seconds[tick - 1])
             run.tick += 1
-            status = root.advance()
+            status = root.execute_tick()
             if status is not RUNNING:
                 yield tick, status
                 break
