@@ -7,6 +7,8 @@ JSON would not tell apart carries its kind under ``$``::
     {"$": "HeadPose", "pan": 0.1, "tilt": 0.0}      {"$": "tuple", "of": [1, 2]}      {"$": "float", "of": "nan"}
 
 JSON has no numbers beyond the finite ones: those are ``"nan"``, ``"inf"`` and ``"-inf"``.
+
+numpy is imported by the first value of it: most records have none, and their writer starts in half the time.
 """
 
 import base64
@@ -19,8 +21,6 @@ from enum import Enum
 from functools import cache, partial
 from math import isfinite
 from typing import Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
-
-import numpy as np
 
 import drivers.api
 import perception.api
@@ -83,13 +83,22 @@ def _tagger(kind: Any) -> Callable[[Any], object]:
         (tuple, lambda value: _tag("tuple", [tagged(each) for each in value])),
         (Mapping, _tag_mapping),
         (DriverError, _tag_error),
-        (np.generic, lambda value: tagged(value.item())),
-        (np.ndarray, lambda value: _tag("array", _array(value))),
         (AbstractSet, lambda value: _tag("set", [tagged(each) for each in value])),
     )
     if known:
         return partial(_tag_known, name, _coder(kind).encode)
-    return next((way for made, way in ways if issubclass(kind, made)), _tag_text)
+    return next((way for made, way in ways if issubclass(kind, made)), None) or _numpy_tagger(kind)
+
+
+def _numpy_tagger(kind: type[Any]) -> Callable[[Any], object]:
+    """Return the same for what only numpy may have made."""
+    if not any(base.__module__ == "numpy" for base in kind.__mro__):
+        return _tag_text
+    import numpy as np  # noqa: PLC0415 - see the module
+
+    if issubclass(kind, np.generic):
+        return lambda value: tagged(value.item())
+    return (lambda value: _tag("array", _array(value))) if issubclass(kind, np.ndarray) else _tag_text
 
 
 def untagged(data: object) -> Any:
@@ -121,6 +130,8 @@ def dumps(data: object) -> bytes:
 
 def _plain(value: object) -> object:
     """Return a number of numpy, which some perception gives where a plain one is declared, as a plain one."""
+    import numpy as np  # noqa: PLC0415 - see the module
+
     if isinstance(value, np.generic):
         return value.item()
     raise TypeError(f"cannot be written: {value!r:.80}")
@@ -147,12 +158,14 @@ def _from_number(data: Any) -> Any:
 
 
 def _array(value: Any) -> object:
-    exact = np.ascontiguousarray(value, value.dtype.newbyteorder("<"))
+    exact = value.astype(value.dtype.newbyteorder("<"), copy=False)
     data = base64.b64encode(exact.tobytes()).decode()
     return {"dtype": exact.dtype.str, "shape": list(value.shape), "data": data}
 
 
 def _from_array(data: Any) -> Any:
+    import numpy as np  # noqa: PLC0415 - see the module
+
     kind = np.dtype(data["dtype"])
     found = np.frombuffer(base64.b64decode(data["data"]), kind).reshape(data["shape"])
     return found.astype(kind.newbyteorder("="))

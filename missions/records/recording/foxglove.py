@@ -8,8 +8,6 @@ import base64
 from collections.abc import Mapping
 from math import cos, isfinite, sin
 
-import numpy as np
-
 from drivers.api import Pose2D, RangeScan
 from perception.api import Box, Gaze, Marker, Percept, Thing, View
 
@@ -126,7 +124,7 @@ def camera_transform(stamp: Json, eye: tuple[float, float, float], gaze: Gaze) -
 
 def scan(stamp: Json, found: RangeScan) -> Json:
     """Return a turn of the range finder; Foxglove shows nothing at a distance of 0."""
-    ranges = np.nan_to_num(found.ranges, nan=0.0, posinf=0.0, neginf=0.0).tolist()
+    ranges = [each if isfinite(each) else 0.0 for each in found.ranges.tolist()]
     return {
         "timestamp": stamp,
         "frame_id": BASE,
