@@ -30,6 +30,7 @@ UNTOLD = frozenset(
         "tasks",
         "fleet",
         "tuning",
+        "faults",
         "failsafe",
     }
 )

@@ -125,6 +125,14 @@ class Fault(OfRun):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Faulty(OfRun):
+    """Answer with `examples` of what can go wrong, in the words that `fault` takes; none but in simulated time."""
+
+    word: ClassVar[str] = "faults"
+    role: ClassVar[Role] = "viewer"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Tuned(OfRun):
     """Answer with what of the robot may be changed while it runs, and how it is: trims, speeds, limits of joints."""
 

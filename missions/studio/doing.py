@@ -12,6 +12,7 @@ from missions.studio.commands import (
     Command,
     Drive,
     Fault,
+    Faulty,
     Give,
     Halt,
     Look,
@@ -56,6 +57,8 @@ class Doing:
                 self._steer(key, command)
             case Fault():
                 self._faults.strike(command.what)
+            case Faulty():
+                return self._faults.told()
             case Tuned():
                 return self._tuning.told()
             case Tune():

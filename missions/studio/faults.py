@@ -1,5 +1,6 @@
 """What a client lets go wrong with a run, by name: in simulated time, where the twins have a hand for it."""
 
+from collections.abc import Mapping
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,12 @@ class Faults:
         self._trouble: Trouble | None = None
         if runner.twins is not None:
             runner.twins.timeline.every(GLANCE, self._look)
+
+    def told(self) -> Mapping[str, object]:
+        """Return what `faults` is answered."""
+        from missions.testing.live import examples  # noqa: PLC0415 - as in ``strike``
+
+        return {"examples": list(examples(self._runner))}
 
     def strike(self, words: str) -> None:
         """Let it happen. Raises BadMessage for words that mean nothing, and for what this run cannot have."""

@@ -11,6 +11,7 @@ from missions.studio.commands import (
     Command,
     Drive,
     Fault,
+    Faulty,
     Give,
     Halt,
     Look,
@@ -55,7 +56,7 @@ COMMANDS: Mapping[str, type[Command]] = {
     kind.word: kind
     for kind in (
         Hello, Library, Mission, World, Failsafe, Start, ShowPerson, AddPerson, KeepTuning, Revoke,
-        Watch, Seen, Stop, Release, Pause, Resume, Step, Halt, Fault, Tuned, Tune, Take, Give, Drive, Look,
+        Watch, Seen, Stop, Release, Pause, Resume, Step, Halt, Fault, Faulty, Tuned, Tune, Take, Give, Drive, Look,
         Records, Record, Moment, Compare,
         Tasks, AddTask, ApproveTask, MoveTask, CancelTask,
         Fleet, StopFleet, ReleaseFleet,

@@ -1,10 +1,18 @@
 """Mishaps that are told a run while it goes on, or a storm before: the words of test files, without a file."""
 
+from collections.abc import Iterator
+
 from config.faults import Diagnostic, Mark, Source, one_of
 from config.marked import Scalar
 from missions.runner import Runner
-from missions.testing.mishaps import JOINT, Mishap, read_mishap
+from missions.testing.mishaps import JOINT, PASSING, RUN, STATES, UNPLUGGED, Mishap, read_mishap
 from missions.testing.phrases import Phrase
+
+DETAILS = {
+    "bumped": "bumped left", "cliff": "cliff centre", "battery": "battery at 5 %", "button": "button 0 pressed",
+    "overloaded": "overloaded {joint}", "turned": "turned {joint} to 30 deg",
+}  # fmt: skip
+"""Examples of the states that say more than their word."""
 
 
 def read_live(words: str, runner: Runner) -> Mishap:
@@ -19,3 +27,15 @@ def read_live(words: str, runner: Runner) -> Mishap:
     if mishap.state in JOINT and mishap.detail not in joints:
         raise ValueError(f"'{words}': no joint '{mishap.detail}'; {one_of(mishap.detail, joints)}")
     return mishap
+
+
+def examples(runner: Runner) -> Iterator[str]:
+    """Yield the words of each thing that can go wrong with the parts that a run uses; none but in simulated time."""
+    for part in () if runner.twins is None else (*runner.twins.parts, RUN):
+        section = runner.config.sections.get(part)
+        joints = tuple(getattr(section.keys, "limits", ())) if section is not None else ()
+        for state in STATES.get(runner.config.others.get(part, part), UNPLUGGED):
+            if state in JOINT and not joints:
+                continue
+            words = DETAILS.get(state, state).format(joint=joints[0] if joints else "")
+            yield f"{part} {words}" + (" 2 s" if state in PASSING else "")

@@ -1,6 +1,7 @@
-// Robot: its parts and their health, and what may be changed while it runs: trims, speeds, limits of joints.
+// Robot: its parts and their health, what may be changed while it runs (trims, speeds, limits of joints), and faults.
 
 import { button, el, panel, put, tell } from "./dom.js";
+import { Faults } from "./faults.js";
 import { Joints, Parts } from "./panels.js";
 import { plain, reality } from "./words.js";
 
@@ -18,14 +19,16 @@ export class Robot {
   #file = el("p", { class: "hint", role: "status" });
   #keep = button("Write into the robot file", () => this.#write());
   #told = "";
+  #faults;
 
   constructor({ link, watcher }) {
     this.#link = link;
     this.#watcher = watcher;
+    this.#faults = new Faults({ link, watcher });
     this.#joints.panel = panel("Arm", "arm", this.#joints.node);
     const about = el("p", { class: "hint" }, "What you change holds until the run ends, unless you write it into the robot file, whose comments stay. Joints obey from their next goal on.");
     this.node = el("div", { class: "view robot" }, el("div", null, this.#title, this.#facts),
-      el("div", { class: "columns two" }, el("div", null, panel("Parts", "robot", this.#parts.node), this.#joints.panel),
+      el("div", { class: "columns two" }, el("div", null, panel("Parts", "robot", this.#parts.node), this.#joints.panel, this.#faults.panel),
         panel("Trims and limits", "tuning", about, this.#knobs, el("div", { class: "actions" }, this.#keep), this.#file)));
     watcher.addEventListener("which", () => this.#clear());
     watcher.addEventListener("scene", () => this.show());
@@ -42,6 +45,7 @@ export class Robot {
     if (!lives) return;
     try {
       this.#draw(await this.#watcher.ask("tuning"));
+      await this.#faults.show();
     } catch (error) {
       tell(error);
     }
@@ -52,6 +56,7 @@ export class Robot {
   #clear() {
     this.#parts.clear();
     this.#joints.clear();
+    this.#faults.clear();
     this.#knobs.replaceChildren();
     this.#told = "";
     this.#keep.disabled = true;

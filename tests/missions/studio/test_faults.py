@@ -12,7 +12,10 @@ from missions.studio import sockets
 from missions.studio.faults import Faults
 from missions.studio.form import BadMessage
 from missions.testing.stage import IN_PROCESS
+from tests.browser import Browser
 from tests.missions.command import Process, command
+from tests.missions.studio.page import Page
+from tests.missions.studio.serving import studio
 from tests.waiting import wait_until
 
 SAYS = "mission: says\ntree:\n  sequence:\n    - say: Hello\n    - wait: 4 s\n"
@@ -51,6 +54,42 @@ def test_what_cannot_be_had_is_said_by_name(tmp_path: Path, words: str, error: s
         Faults(runner_of(tmp_path, [])).strike(words)
     assert caught.value.error == error
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("robot", ["turtlebot2_arm", "humanoid"])
+def test_whatever_is_offered_can_be_had(robot: str) -> None:
+    faults = Faults(Runner(RunRequest("wave" if robot == "humanoid" else "greet", robot=robot, simulate="fast")))
+    offered = faults.told()["examples"]
+    assert isinstance(offered, list)
+    assert {words.partition(" ")[0] for words in offered} > {"arm", "run"}
+    for words in offered:
+        faults.strike(words)
+
+
+def test_nothing_is_offered_on_virtual_devices(tmp_path: Path) -> None:
+    assert Faults(runner_of(tmp_path, [], "wire")).told() == {"examples": []}
+
+
+@pytest.mark.real_time
+def test_a_fault_is_chosen_on_the_page_and_happens(browser: Browser, tmp_path: Path) -> None:
+    path, events = tmp_path / "says.yaml", tmp_path / "events.jsonl"
+    path.write_text(SAYS.replace("4 s", "1000 s"), encoding="utf-8")
+    process = Process("run", str(path), "--simulate", "fast", "--speed", "1", "--events", str(events))
+    try:
+        wait_until(lambda: sockets.path_of(str(process.process.pid)).exists() and '"tick"' in events.read_text())
+        with studio() as served:
+            page = Page(browser, served, view="#robot")
+            page.wait_for("says", "What goes wrong")
+            choose = "const what = document.querySelector('.faults select'); what.value = 'voice unplugged';"
+            page.tab.evaluate(f"{choose} what.dispatchEvent(new Event('change'))")
+            page.press("Let it happen")
+            page.wait_for("It happens: voice unplugged 2 s")
+            wait_until(lambda: events.read_text().count('"online"') == 2)
+            viewer = Page(browser, served, served.viewer, view="#robot")
+            viewer.wait_for("What goes wrong")
+            assert not viewer.enabled("Let it happen")
+    finally:
+        process.end(signal.SIGTERM)
 
 
 def test_a_run_on_virtual_devices_says_that_it_is_unsupported(tmp_path: Path) -> None:

@@ -94,5 +94,5 @@ def test_every_member_has_a_type_in_the_schema(kind: Any) -> None:
 def test_viewers_stop_and_look_and_do_nothing_else() -> None:
     assert {word for word, kind in COMMANDS.items() if kind.role == "viewer"} == {
         "hello", "library", "mission", "world", "watch", "seen", "stop", "records", "record", "moment", "tasks",
-        "tuning", "fleet", "stop_fleet", "failsafe", "compare",
+        "faults", "tuning", "fleet", "stop_fleet", "failsafe", "compare",
     }  # fmt: skip
