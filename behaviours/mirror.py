@@ -6,10 +6,9 @@ from collections.abc import Collection, Mapping
 
 from py_trees.common import Status
 
-from behaviours.joint_motion import LONGEST_STEP, ON_ARM, RUN_IN
+from behaviours.joint_motion import LONGEST_STEP, ON_ARM, RUN_IN, Mirroring, by_range, spans
 from behaviours.joint_ranges import JointRanges, degrees
 from behaviours.leaf import Leaf, argument
-from behaviours.mirroring import Mirroring, by_range, spans
 from drivers.api import Coupling, Joints, JointState
 
 LIMP = 1.0

@@ -22,6 +22,7 @@ from config.faults import InvalidFileError, Source
 from config.fields import fields_of
 from config.marked import read_source
 from config.units import written
+from drivers.api import Gesture, Keyframe
 from drivers.api.keys import Mistake, key, keys
 from drivers.api.quick import dataclass
 
@@ -88,6 +89,12 @@ class GestureConfig:
     def joints(self) -> frozenset[str]:
         """The joints that it moves."""
         return frozenset(joint for _, positions in self.keyframes for joint in positions)
+
+    @property
+    def movement(self) -> Gesture:
+        """The same, as behaviours take it."""
+        keyframes = tuple(Keyframe(time, positions) for time, positions in self.keyframes)
+        return Gesture(self.name, self.summary, keyframes, self.interpolation)
 
 
 def load_gesture(path: Path, reaches: Reaches | None = None) -> GestureConfig:

@@ -14,6 +14,9 @@ LISTED = ("missions", "robots", "worlds", "gestures", "controllers", "objects")
 
 SUFFIXES = (".yaml", ".yml")
 
+SHEETS = (".csv", ".xls", ".xlsx", ".ods")
+"""How the names of spreadsheets end, with moves or gaits in them."""
+
 MINE = "mine"
 """The name of this computer's own robot, whichever that is."""
 

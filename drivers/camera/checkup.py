@@ -8,7 +8,7 @@ from drivers.api import CameraFrame, Image
 from drivers.api.driver import Site
 from drivers.api.findings import Finding, warning, wrong
 from drivers.api.senses import CameraKeys
-from drivers.camera.choose import open_source
+from drivers.camera.make import open_source
 from drivers.camera.source import Kind, is_number, kind_of
 
 FIRST = 2.0

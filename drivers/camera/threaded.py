@@ -4,8 +4,7 @@ from collections.abc import Callable
 from threading import Event
 
 from drivers.api import CameraFrame, Health, Report
-from drivers.camera.capture import Capture
-from drivers.camera.feed import Feed
+from drivers.camera.capture import Capture, Feed
 from drivers.clock import Clock
 from drivers.errors import BadRequest
 

@@ -36,7 +36,7 @@ _CHANNELS = {
 
 
 class TopicFeed:
-    """A ``drivers.camera.feed.Feed`` of the pictures on a topic. ``malformed`` counts those that are none."""
+    """A ``drivers.camera.capture.Feed`` of the pictures on a topic. ``malformed`` counts those that are none."""
 
     def __init__(self, nodes: Nodes, topic: str) -> None:
         self._nodes = nodes

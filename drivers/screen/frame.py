@@ -7,9 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.api import Image
-from drivers.screen.drawing import CREAM, HEIGHT, NIGHT, WIDTH, draw
+from drivers.screen.drawing import CREAM, HEIGHT, NIGHT, WIDTH, Shape, draw
 from drivers.screen.expression import Expression
-from drivers.screen.shape import Shape
 from drivers.screen.words import Words
 
 SHIFT = 4

@@ -1,13 +1,122 @@
-"""The face on the robot's own display: a page for a browser, served from within the run."""
+"""The face on the robot's own display: a page for a browser, served from within the run.
 
+The page begins with the face as SVG; from then on it moves what it has drawn towards the newest numbers.
+"""
+
+import hashlib
+import json
+from functools import cache, lru_cache
+from html import escape
+from importlib.resources import files
+from string import Template
 from threading import Event, Thread
 
-from drivers.api import DeviceStatus, Health, Mood, Report, ignore
+from drivers.api import DeviceStatus, Health, Mood, Report, Shown, ignore
 from drivers.clock import Clock
 from drivers.guard import guarded
+from drivers.screen.drawing import CREAM, HEIGHT, NIGHT, WIDTH, Shape, draw
+from drivers.screen.expression import Expression, expression
 from drivers.screen.kept import KeptScreen
-from drivers.screen.page import asset, news, page, picture
 from drivers.screen.server import Document, PageServer
+from drivers.screen.words import Words, plain
+
+
+def svg(face: Expression, text: str, size: tuple[int, int] | None = None, *, label: str = "") -> str:
+    """Return the face with ``text`` below it; ``size`` in pixels, width and height, else whatever room there is.
+
+    ``label`` is what it shows in words, for those who do not see it.
+    """
+    drawing = draw(face, text)
+    extent = "" if size is None else f' width="{size[0]}" height="{size[1]}"'
+    return "".join(
+        (
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {HEIGHT:g}"{extent} id="face"',
+            f' role="img" aria-label="{escape(label or plain(text))}">',
+            # Larger than the sheet: it also fills the margins of a screen that is wider or taller.
+            f'<rect x="-2000" y="-2000" width="4320" height="4240" fill="{NIGHT}"/>',
+            *(_path(shape) for shape in drawing.shapes),
+            f'<g id="words" fill="{CREAM}" font-family="DejaVu Sans, Verdana, sans-serif" font-weight="bold"',
+            f' text-anchor="middle">{_words(drawing.words)}</g></svg>\n',
+        )
+    )
+
+
+def numbers(shape: Shape) -> list[float]:
+    """Return what of a shape may move: its opacity, the width of its line, and its points, x before y."""
+    places = (place for point in shape.points for place in point)
+    return [round(shape.opacity, 2), round(shape.width, 1), *(round(place, 1) for place in places)]
+
+
+def _path(shape: Shape) -> str:
+    opacity, width, x, y, *others = numbers(shape)
+    line = f' stroke="{shape.line}" stroke-linecap="round" stroke-linejoin="round"' if shape.line else ""
+    return (
+        f'<path fill="{shape.fill or "none"}"{line} stroke-width="{width:g}" opacity="{opacity:g}"'
+        f' d="M{x:g} {y:g}C{" ".join(f"{place:g}" for place in others)}"/>'
+    )
+
+
+def _words(words: Words) -> str:
+    lines = zip(words.lines, words.feet, strict=True)
+    return "".join(
+        f'<text x="{WIDTH / 2:g}" y="{foot:.1f}" font-size="{words.size:.1f}">{escape(line)}</text>'
+        for line, foot in lines
+    )
+
+
+HERE = files(__name__.rpartition(".")[0])
+"""The folder of ``page.html``, ``page.js`` and ``page.css``."""
+
+
+@cache
+def asset(name: str) -> str:
+    """Return the text of a file beside this one."""
+    return (HERE / name).read_text(encoding="utf-8")
+
+
+@cache
+def edition() -> str:
+    """Return what tells this page from those of other releases: a page that is out of date loads itself again."""
+    shapes = [(shape.fill, shape.line, len(shape.points)) for shape in draw(expression(Shown(), 0.0)).shapes]
+    parts = (asset("page.html"), asset("page.js"), asset("page.css"), repr(shapes))
+    return hashlib.sha256("".join(parts).encode()).hexdigest()[:12]
+
+
+def page(shown: Shown, time: float) -> str:
+    """Return the whole page, with the face as it is at ``time`` (seconds), so that it is there at first sight."""
+    asleep = news(Shown(Mood.ASLEEP), 1.0)
+    return Template(asset("page.html")).substitute(face=picture(shown, time), edition=edition(), asleep=asleep)
+
+
+def picture(shown: Shown, time: float, size: tuple[int, int] | None = None) -> str:
+    """Return the face at ``time`` as SVG; ``size`` as for ``svg``."""
+    return svg(expression(shown, time), shown.text, size, label=label(shown))
+
+
+def news(shown: Shown, time: float) -> str:
+    """Return a line of JSON: everything that the page needs to show the face at ``time``."""
+    return _told(expression(shown, time), shown.text, label(shown))
+
+
+@lru_cache(maxsize=4)  # a face is still for most of the time, and all pages show the same
+def _told(face: Expression, text: str, label: str) -> str:
+    drawing = draw(face, text)
+    told = {
+        "edition": edition(),
+        "label": label,
+        "shapes": [numbers(shape) for shape in drawing.shapes],
+        "lines": drawing.words.lines,
+        "size": round(drawing.words.size, 1),
+        "feet": [round(foot, 1) for foot in drawing.words.feet],
+    }
+    return json.dumps(told, separators=(",", ":"))
+
+
+def label(shown: Shown) -> str:
+    """Return in words what is shown, for those who do not see it."""
+    text = plain(shown.text)
+    return f"{shown.mood} face: {text}" if text else f"{shown.mood} face"
+
 
 PORT, PORTS = 8321, 20
 """Where it is served when nobody says where, and how many ports it tries from there."""

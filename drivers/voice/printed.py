@@ -9,7 +9,7 @@ from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.voice.manner import filled, seconds_of
 from drivers.voice.sounds import checked, length_of
-from drivers.voice.turns import Turns
+from drivers.voice.spoken import Turns
 
 
 class PrintedVoice:

@@ -22,9 +22,7 @@ from drivers.voice.engines import Engine
 from drivers.voice.manner import filled, seconds_of
 from drivers.voice.player import HINT, Player
 from drivers.voice.sounds import checked, length_of
-from drivers.voice.spoken import SpokenWords
-from drivers.voice.turns import Turns
-from drivers.voice.visemes import movement
+from drivers.voice.spoken import SpokenWords, Turns, movement
 
 
 class SpeechVoice:

@@ -1,10 +1,84 @@
-"""Something that a voice with a thread of its own says or plays, and how far that has come."""
+"""What a voice says or plays: whose turn it is, how far it has come, and how the mouth looks meanwhile."""
 
-from collections.abc import Callable, Sequence
+from bisect import insort
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from threading import Event
+from typing import Generic, Protocol, TypeVar
 
-from drivers.api import Manner, MouthShape, Priority
+from drivers.api import Manner, Mouth, MouthShape, Priority
+
+
+class Urgent(Protocol):
+    """What has a priority."""
+
+    @property
+    def priority(self) -> Priority:
+        """What it goes before."""
+        ...
+
+
+W = TypeVar("W", bound=Urgent)
+
+
+class Turns(Generic[W]):
+    """What is heard and what waits: of the highest priority first, then the oldest. Who uses it has the lock."""
+
+    def __init__(self) -> None:
+        self._queue: list[W] = []
+
+    def __iter__(self) -> Iterator[W]:
+        """Yield what there is now, in order."""
+        return iter(tuple(self._queue))
+
+    @property
+    def first(self) -> W | None:
+        """Whose turn it is."""
+        return self._queue[0] if self._queue else None
+
+    def insert(self, words: W) -> None:
+        """Put ``words`` where they belong, which may be first."""
+        insort(self._queue, words, key=lambda each: -each.priority)
+
+    def drop(self, words: W) -> None:
+        """Take ``words`` out, if they are there."""
+        if words in self._queue:
+            self._queue.remove(words)
+
+
+STRESSES = "',=%|!"
+"""Marks that espeak puts before a phoneme: how it is stressed."""
+
+SHAPES = {
+    Mouth.CLOSED: "pbm_",
+    Mouth.TEETH: "fv",
+    Mouth.ROUND: "uUoOwWyYSZ",
+    Mouth.WIDE: "iIeEj",
+    Mouth.OPEN: "aAV0",
+}
+"""First letters of phonemes (docs/phonemes.md of espeak-ng); all others are sounds of the tongue, with a narrow mouth.
+
+S and Z are those of *shoe* and *measure*, 0 and V the vowels of *lot* and *cup*, _ is a pause.
+"""
+
+_BY_LETTER = {letter: shape for shape, letters in SHAPES.items() for letter in letters}
+
+
+def shape_of(phoneme: str) -> Mouth:
+    """Return the shape for one phoneme, such as ``'oU``; a diphthong by its beginning, tS and dZ as S and Z."""
+    bare = phoneme.lstrip(STRESSES)
+    if bare in ("tS", "dZ"):
+        return Mouth.ROUND
+    return _BY_LETTER.get(bare[:1], Mouth.NARROW) if bare else Mouth.CLOSED
+
+
+def movement(phonemes: Iterable[tuple[float, str]], end: float) -> tuple[MouthShape, ...]:
+    """Return how the mouth moves with ``phonemes``, each with the second when it begins; closed from ``end`` on."""
+    shapes: list[MouthShape] = []
+    for at, shape in (*((at, shape_of(phoneme)) for at, phoneme in phonemes), (end, Mouth.CLOSED)):
+        if not shapes or shapes[-1].shape is not shape:
+            shapes.append(MouthShape(at, shape))
+    return tuple(shapes)
 
 
 class SpokenWords:

@@ -6,11 +6,12 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from config.robot import RobotConfig, Section
-from drivers.api import Device
+from drivers.api import Device, Voice
 from drivers.api.driver import Site, resolved
 from drivers.api.sections import Wired
 from drivers.clock import Clock
-from drivers.port_kind import refuse_other_than_serial
+from drivers.ports import refuse_other_than_serial
+from drivers.voice.make import printed
 from missions.assembly.assembled import Assembled, Looking
 from missions.assembly.lags import Lags
 from missions.assembly.order import with_carriers
@@ -20,8 +21,26 @@ from missions.library.folders import state_folder
 if TYPE_CHECKING:
     from missions.assembly.simulation import Simulation
 
+
+def real_voice(place: "Place", section: Section, made: Mapping[str, Any]) -> tuple[Voice, Voice]:
+    """Return the voice of a robot; in a simulation it prints its words, and the people there hear them."""
+    simulation = place.simulation
+    if simulation is None:
+        voice: Voice = place.device(section, made)
+    else:
+        out = partial(_aloud, place.audience.out, simulation.hear)
+        voice = printed(section.keys, place.site(section, made, out))
+    return voice, voice
+
+
+def _aloud(out: Callable[[str], None], hear: Callable[[str], None], text: str) -> None:
+    """Say ``text``, where people hear it."""
+    out(text)
+    hear(text)
+
+
 BY_HAND: Mapping[str, str] = {
-    "voice": "missions.assembly.speaking:real_voice",
+    "voice": "missions.assembly.assemble:real_voice",
     "microphone": "missions.assembly.hearing:real_ears",
     "screen": "missions.assembly.face:real_face",
     "camera": "missions.assembly.eyes:real_eyes",

@@ -1,6 +1,6 @@
 """The robot's eyes: a camera, and what searches its pictures for what a mission is interested in."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,11 +12,11 @@ from drivers.api import Base, Camera, DeviceStatus, Head, Report
 from drivers.api.senses import CameraKeys
 from drivers.camera.make import make
 from drivers.clock import Clock
+from drivers.errors import NotConnected
 from missions.assembly.detectors import face_detector
 from missions.assembly.interests import Interests
 from missions.assembly.together import gaze
-from missions.assembly.watchful import WatchfulSight
-from perception.api import Face, Frame, Gaze, Marker, Thing, View, Wanted, ignore
+from perception.api import Face, Frame, Gaze, Marker, Scene, Sight, Thing, View, Wanted, ignore
 from perception.change import MotionSense
 from perception.delay import Delay
 from perception.eyes import Eyes, Vision
@@ -28,6 +28,50 @@ from perception.tracks import Tracker
 if TYPE_CHECKING:
     from missions.assembly.assemble import Place
     from perception.markers import MarkerKind
+
+
+class WatchfulSight:
+    """A ``Sight`` that says with each question that somebody ``asks``, who says back whether the answer is of now.
+
+    While it is not, as the eyes have rested, each question raises NotConnected: whoever asks waits for a picture or
+    three, and nobody is told that a face is not there because nobody has looked. ``unasked`` answers as the eyes are,
+    for who only keeps a record: by its questions, which wake nobody, ``awake`` is told.
+    """
+
+    def __init__(self, sight: Sight, asks: Callable[[], bool], awake: Callable[[], bool]) -> None:
+        self._sight = sight
+        self._asks = asks
+        self._is_awake = awake
+
+    @property
+    def unasked(self) -> "WatchfulSight":
+        """What they see, for who does not count as somebody that asks."""
+        return WatchfulSight(self._sight, self._is_awake, self._is_awake)
+
+    def faces(self) -> Sequence[Face]:
+        """See perception.api.Sight."""
+        return self._awake().faces()
+
+    def things(self) -> Sequence[Thing]:
+        """See perception.api.Sight."""
+        return self._awake().things()
+
+    def markers(self) -> Sequence[Marker]:
+        """See perception.api.Sight."""
+        return self._awake().markers()
+
+    def looked(self) -> float | None:
+        """See perception.api.Sight."""
+        return self._awake().looked()
+
+    def scene(self) -> Scene | None:
+        """See perception.api.Sight."""
+        return self._awake().scene()
+
+    def _awake(self) -> Sight:
+        if not self._asks():
+            raise NotConnected("camera: its pictures were not searched for a while; the next ones are")
+        return self._sight
 
 
 def real_eyes(place: "Place", section: Section, made: Mapping[str, Any]) -> tuple[Camera, WatchfulSight]:

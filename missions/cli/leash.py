@@ -1,20 +1,62 @@
-"""What binds a run to the server that has started it: its leash, and the notices that it sends home."""
+"""What binds a run to others: to the server that has started it, by a leash, and to whoever reads what it writes.
+
+A robot that nobody hears of any more is not to drive on: ``mission run ... | head -1`` closes its stdout, which the
+kernel tells at once, not with the next line.
+"""
 
 import json
 import os
 import select
 import signal
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
+from threading import Thread
+from typing import TextIO
 
 import click
 
-from missions.cli.heeded import watching
 from missions.cli.numbers import Whole
 from missions.executive.events import Event, Notified, Stream
 from missions.executive.executive import Executive
 
-GONE = "the server has gone"
+GONE = "nobody reads any more what it writes"
+
+
+@contextmanager
+def heeded(files: Iterable[TextIO], gone: Callable[[str], object]) -> Iterator[None]:
+    """Call ``gone`` once, from a thread, when the other end of a pipe among ``files`` is closed; files never are."""
+    numbers = set()
+    for file in files:
+        with suppress(OSError, ValueError):  # it is none of the system's, or closed
+            numbers.add(file.fileno())
+
+    def watch(over: int) -> None:
+        poll = select.poll()
+        poll.register(over, 0)
+        for number in numbers:
+            poll.register(number, 0)
+        if all(number != over for number, _ in poll.poll()):
+            gone(GONE)
+
+    with watching("heeded", watch):
+        yield
+
+
+@contextmanager
+def watching(name: str, watch: Callable[[int], None]) -> Iterator[None]:
+    """Have ``watch`` look at something on a thread of its own; the descriptor that it gets is readable in the end."""
+    over, end = os.pipe()
+    thread = Thread(target=watch, args=(over,), name=name, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        os.close(end)
+        thread.join()
+        os.close(over)
+
+
+SERVER_GONE = "the server has gone"
 
 STOP_TIMEOUT = 5.0
 """Seconds that a run has to stop once its leash is loose; then it gets a SIGTERM, which its watchdog hears as well."""
@@ -57,7 +99,7 @@ def _watched(leash: int, stop: Callable[[str], None]) -> AbstractContextManager[
         ready, _, _ = select.select([leash, over], [], [])
         if over in ready:
             return
-        stop(GONE)
+        stop(SERVER_GONE)
         if not select.select([over], [], [], STOP_TIMEOUT)[0]:
             os.kill(os.getpid(), signal.SIGTERM)
 

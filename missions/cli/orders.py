@@ -1,12 +1,66 @@
-"""Whether what a user asks of a run makes sense, before anything is opened or written."""
+"""Whether what a user asks of a run makes sense, before anything is opened or written.
 
+So with people whom a mission looks for by name: the robot knows them before it moves, not after a vain search.
+"""
+
+import shlex
+from collections.abc import Iterator
 from pathlib import Path
 
 import click
 
-from missions.cli.movie import check_place
-from missions.language.plan import Plan
+from behaviours.sight import Faces
+from config.faults import did_you_mean
+from missions.language.plan import Plan, Step
 from missions.order import RunRequest, contradictions
+from perception.api import UNKNOWN
+
+
+def check_people(order: RunRequest, plan: Plan) -> None:
+    """Raise click.UsageError for names in the mission, or in its params, that are nobody's whom the robot knows.
+
+    What a variable holds is not known yet. A simulated robot knows the people of its world; where it knows nobody at
+    all, that is only told, for a house whose people are out can be simulated.
+    """
+    wanted = list(dict.fromkeys(_names(plan.tree)))
+    if not wanted:
+        return
+    world = order.world_file() if order.simulation is not None and order.camera is None else None
+    known = _kept(order) if world is None else [person.name for person in world.people if person.known]
+    same = {name.casefold() for name in known}
+    unknown = [name for name in wanted if name.casefold() not in same]
+    names = " or ".join(f"'{name}'" for name in unknown)
+    if world is not None and not known:
+        click.echo(f"the robot knows nobody in world '{world.name}', so it will not find {names}", err=True)
+    elif unknown:
+        where = "" if world is None else f" in world '{world.name}'"
+        cure = f"mission person add {shlex.quote(unknown[0])}" if world is None else "--world NAME, where they are"
+        hint = did_you_mean(unknown[0], known) or f"try: {cure}"
+        raise click.UsageError(f"nobody{where} is called {names}; known: {', '.join(known) or 'nobody'}\n  {hint}")
+
+
+def _names(tree: Step) -> Iterator[str]:
+    """Yield the names that behaviours look for, as far as they are known now: of nobody in particular there is none."""
+    for step in tree.walk():
+        if step.leaf is not None and issubclass(step.leaf, Faces) and "name" in step.arguments:
+            name = step.arguments["name"].constant
+            if isinstance(name, str) and name and name.casefold() != UNKNOWN:
+                yield name
+
+
+def _kept(order: RunRequest) -> list[str]:
+    """Return whom a robot with a true camera knows. Raises click.UsageError where their pictures cannot be read."""
+    # What looks at people is imported where a mission looks for somebody by name.
+    from missions.assembly.gallery import people_of  # noqa: PLC0415
+    from missions.assembly.people import PeopleError  # noqa: PLC0415
+
+    camera = order.robot_file().camera
+    if camera is None:
+        return []
+    try:
+        return [each.name for each in people_of(camera).known() if each.pictures]
+    except PeopleError as error:
+        raise click.UsageError(f"{error}\n  try: {error.hint}") from error
 
 
 def check_order(order: RunRequest) -> None:
@@ -37,4 +91,6 @@ def check_film(path: Path, order: RunRequest) -> None:
     """Raise click.UsageError for a film that cannot be made, or would take the place of something."""
     if order.simulation != "fast":
         raise click.UsageError("--film is made in simulated time: add --simulate fast")
+    from missions.cli.movie import check_place  # noqa: PLC0415 - the metal makes no films
+
     check_place(path, "--film")

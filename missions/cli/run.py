@@ -11,9 +11,10 @@ from typing import Literal
 
 import click
 
+from config.defaults import load_defaults
+from config.library import MINE, find
 from missions.cli.companion import studio_beside, studio_option
 from missions.cli.leash import leash_option
-from missions.cli.mine import usual
 from missions.cli.names import MISSION, ROBOT, WORLD
 from missions.cli.numbers import Real, Whole
 from missions.cli.options import SECONDS, MissionCommand, behaviours_option, pairs, params_option
@@ -21,9 +22,31 @@ from missions.cli.recording import record_options, record_wish
 from missions.cli.root import DEVICE, FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.running import Outputs, run
 from missions.executive.executive import Result
-from missions.hands.teleop.pad import FIRST
+from missions.hands.teleop import FIRST_PAD
 from missions.order import RunRequest, Simulate
 from missions.studio import ring
+
+
+def usual(
+    robot: str | None, simulate: Simulate | None, world: str | None, *, on_robot: bool
+) -> tuple[str | None, Simulate | None, str | None]:
+    """Return robot, simulation and world of a run, with the user's defaults where they were not named.
+
+    Raises click.UsageError for options that contradict each other, InvalidFileError for a wrong file of defaults.
+    """
+    if on_robot and (robot is not None or simulate is not None):
+        other = "--robot names another" if robot is not None else "--simulate moves none"
+        raise click.UsageError(f"--on-robot moves this computer's robot, {other}: one of them")
+    defaults = load_defaults()
+    if on_robot or robot == MINE:
+        find("robots", MINE)
+        robot = defaults.robot  # records keep a name that means the same tomorrow
+    elif robot is None and defaults.robot:
+        robot, simulate = defaults.robot, simulate or "wire"
+    if world is None and defaults.world and (robot is None or simulate is not None):
+        world = defaults.world
+    return robot, simulate, world
+
 
 EXIT_CODES = {"success": SUCCESS, "failure": FAILURE, "interrupted": INTERRUPTED, "error": DEVICE}
 
@@ -43,7 +66,7 @@ class RunCommand(MissionCommand):
         told = [
             "--simulate=wire"
             if word == "--simulate" and follows not in LEVELS
-            else f"--pad={FIRST}"
+            else f"--pad={FIRST_PAD}"
             if word == "--pad" and not follows.startswith("/")
             else word
             for word, follows in zip(args, after, strict=True)

@@ -13,15 +13,13 @@ from py_trees.common import Status
 from behaviours.leaf import Leaf
 from config.units import written
 from drivers.api.quick import dataclass
-from missions.cli.heeded import GONE, heeded
-from missions.cli.leash import leashed
+from missions.cli.leash import GONE, heeded, leashed
 from missions.cli.live import Watcher
 from missions.cli.options import tell_found
-from missions.cli.orders import check_events, check_film, check_order, check_pad
+from missions.cli.orders import check_events, check_film, check_order, check_pad, check_people
 from missions.cli.outputs import writing
 from missions.cli.recording import Recording, RecordWish
 from missions.cli.root import settle
-from missions.cli.whom import check_people
 from missions.executive.executive import Result
 from missions.executive.json_lines import JsonLines
 from missions.executive.watchdog import attempt_all
@@ -31,7 +29,6 @@ from missions.records.recording.outputs import open_private
 from missions.runner import Runner, end_process
 from missions.studio.control import ControlSocket
 from missions.studio.pictures import Pictures
-from missions.views.live.terminal import unviewable
 
 if TYPE_CHECKING:
     from missions.cli.announcing import Announcer
@@ -136,8 +133,11 @@ def _check(order: RunRequest, outputs: Outputs, out: TextIO, until: float | None
         raise click.UsageError("--until is for simulated time: add --simulate fast")
     if outputs.film is not None:
         check_film(outputs.film, order)
-    if outputs.view and (why := unviewable(out)):
-        raise click.UsageError(why)
+    if outputs.view:
+        from missions.views.live.terminal import unviewable  # noqa: PLC0415 - as `_view`
+
+        if why := unviewable(out):
+            raise click.UsageError(why)
 
 
 def tell_unreachable(control: ControlSocket) -> None:

@@ -165,7 +165,7 @@ def _as_json(task: Task) -> dict[str, object]:
 
 def _check(order: RunRequest) -> Plan:
     """Return the mission; raise what `mission run` would raise for this order, before anything moves."""
-    from missions.cli.whom import check_people  # noqa: PLC0415 - the other subcommands need none of what they import
+    from missions.cli.orders import check_people  # noqa: PLC0415 - the other subcommands need none of what they import
     from missions.runner import load  # noqa: PLC0415
 
     check_order(order)

@@ -19,12 +19,12 @@ from missions.assembly.assemble import assemble
 from missions.assembly.assembled import CONNECT_TIME
 from missions.assembly.together import Hooks, Overrides
 from missions.cli.head_bench import HEAD, head_option, keys_of_head
-from missions.cli.heeded import heeded
 from missions.cli.keys import Keys, interruptible
+from missions.cli.leash import heeded
 from missions.cli.names import ROBOT, WORLD
 from missions.cli.root import SUCCESS
 from missions.cli.status_line import show_over
-from missions.hands.teleop import keymap, pad
+from missions.hands.teleop import FIRST_PAD, keymap, pad
 from missions.hands.teleop.pilot import MAX_SHARE, MIN_SHARE, Pilot
 from missions.hands.teleop.turns import drive_by_hand
 from missions.library.drivers import load_robot
@@ -65,7 +65,7 @@ def _share(ctx: click.Context, option: click.Parameter, value: str) -> float:
     "--pad",
     "node",
     is_flag=False,
-    flag_value=pad.FIRST,
+    flag_value=FIRST_PAD,
     metavar="[DEVICE]",
     help="Drive with a game pad: the first that is there, or the one at /dev/input/event...",
 )

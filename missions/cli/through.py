@@ -8,7 +8,7 @@ import click
 
 from config.robot import RobotConfig
 from drivers.api import Camera, DeviceStatus, Image, ignore
-from drivers.camera.choose import open_source
+from drivers.camera.make import open_source
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
 from missions.assembly.assemble import Place

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from config.gait import load_gait
+from config.library import SHEETS
 from config.robot import RobotConfig
 from drivers.api import JointLimits
 from drivers.dynamixel.declared import DynamixelKeys
@@ -20,7 +21,6 @@ from drivers.legs.declared import LegsKeys, StrideKeys
 from drivers.legs.gait import Gait, of_keys, splined
 from drivers.legs.kinematics import forward, sole
 from missions.hands.moves.load import load_move
-from missions.hands.moves.sheet import KINDS
 
 LEVEL = 0.01
 """Radians by which a sole of a spreadsheet may tilt: gaits have level ones."""
@@ -51,7 +51,7 @@ class Walker:
 
     def load(self, path: Path) -> Gait:
         """Read a gait. Raises InvalidFileError for mistakes in a file, BadRequest for what is no gait of the robot."""
-        if path.suffix.lower() in KINDS:
+        if path.suffix.lower() in SHEETS:
             return self._of_sheet(path)
         return of_keys(load_gait(path), self.body, self.stride)
 

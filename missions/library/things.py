@@ -31,9 +31,8 @@ MOST_OF_A_PATH = 400
 def gesture(name: str) -> Gesture:
     """Return a gesture by name or path. Raises LookupError with what is known, or what is wrong with its file."""
     from config.gesture import load_gesture  # noqa: PLC0415 - so here and below: see the module
-    from missions.hands.moves.gesture import movement  # noqa: PLC0415
 
-    return movement(_load(load_gesture, "gestures", name))
+    return _load(load_gesture, "gestures", name).movement
 
 
 def move(name: str) -> Gesture:

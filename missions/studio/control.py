@@ -24,8 +24,7 @@ from missions.executive.events import Event
 from missions.order import RunRequest
 from missions.runner import Runner
 from missions.studio import sockets
-from missions.studio.audience import IDLE, Audience
-from missions.studio.client import NOTHING, Client
+from missions.studio.audience import IDLE, NOTHING, Audience, Client
 from missions.studio.commands import Command, Drive, Look, Release, Seen, Stop, Watch
 from missions.studio.doing import Doing
 from missions.studio.form import BadMessage

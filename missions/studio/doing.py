@@ -1,12 +1,25 @@
-"""What clients of a run may have done: stop and release, pause and step, end, and drive."""
+"""What clients of a run may have done: stop and release, pause and step, end, drive, tune, and let things go wrong."""
 
 import os
 import signal
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
 from math import inf
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING, Any
 
+from config.faults import did_you_mean
+from config.robot import RobotConfig
+from config.units import written
+from drivers.api import Curbed, Device
+from drivers.api.quick import dataclass
+from drivers.api.sections import LARGEST_TRIM
 from drivers.clock import Clock
+from drivers.errors import DriverError
+from drivers.pantilt import Trimmable
 from missions.executive.events import Logged
+from missions.library.tuning import LIMITS, filed
 from missions.runner import Runner
 from missions.studio.commands import (
     Command,
@@ -25,10 +38,162 @@ from missions.studio.commands import (
     Tune,
     Tuned,
 )  # fmt: skip
-from missions.studio.faults import Faults
 from missions.studio.form import BadMessage
-from missions.studio.tuning import Tuning, tuned_in_words
 from missions.studio.wheels import Wheels
+
+if TYPE_CHECKING:
+    from missions.testing.mishaps import Mishap
+    from missions.testing.trouble import Trouble
+
+GLANCE = 0.02
+"""Seconds of simulated time within which what was asked for happens."""
+
+
+class Faults:
+    """Lets things go wrong with the twins of a ``runner``, on the thread that its world goes by.
+
+    They are asked for from any thread, in the words of test files.
+    """
+
+    def __init__(self, runner: Runner) -> None:
+        self._runner = runner
+        self._asked: SimpleQueue[Mishap] = SimpleQueue()
+        self._trouble: Trouble | None = None
+        if runner.twins is not None:
+            runner.twins.timeline.every(GLANCE, self._look)
+
+    def told(self) -> Mapping[str, object]:
+        """Return what `faults` is answered."""
+        from missions.testing.live import examples  # noqa: PLC0415 - as in ``strike``
+
+        return {"examples": list(examples(self._runner))}
+
+    def strike(self, words: str) -> None:
+        """Let it happen. Raises BadMessage for words that mean nothing, and for what this run cannot have."""
+        from missions.testing.live import read_live  # noqa: PLC0415 - a run with which nothing goes wrong needs none of it
+
+        twins, mission = self._runner.twins, self._runner.plan.mission
+        if twins is None:
+            what = f"'{words}' is unsupported: '{mission}' does not run in simulated time"
+            raise BadMessage("unsupported", what, f"mission run {mission} --simulate fast --speed 1")
+        try:
+            mishap = read_live(words, self._runner)
+        except ValueError as error:
+            raise BadMessage("bad_field", str(error)) from error
+        if mishap.part not in {*twins.parts, "run"}:
+            uses = ", ".join(sorted(twins.parts)) or "no part"
+            raise BadMessage("unsupported", f"'{words}' is unsupported: '{mission}' uses {uses}")
+        self._asked.put(mishap)
+
+    def _look(self) -> None:
+        """Let happen what was asked for."""
+        while True:
+            try:
+                mishap = self._asked.get_nowait()
+            except Empty:
+                return
+            from missions.testing.history import History  # noqa: PLC0415
+            from missions.testing.trouble import Trouble  # noqa: PLC0415
+
+            self._trouble = self._trouble or Trouble(self._runner, History())
+            self._trouble.arrange([mishap])
+
+
+SLOWEST = 0.05
+"""The share of its speed that a part keeps at least: slower it gets nowhere."""
+
+FIELDS = {"max_speed": "speed", "max_turn": "turn"}
+"""What the limits of a base call the keys of its file."""
+
+
+@dataclass(slots=True)
+class Knob:
+    """One value: within which bounds it may be, how it is read and how it is set. ``tuned`` once somebody has."""
+
+    dimension: str
+    low: float
+    high: float
+    now: Callable[[], float]
+    turn: Callable[[float], object]
+    tuned: bool = False
+
+
+class Tuning:
+    """The values of a robot's parts by their names, as ``missions.library.tuning`` has them. For one thread."""
+
+    def __init__(self, robot: RobotConfig, devices: Mapping[str, Device]) -> None:
+        self._file = "" if robot.path is None else str(robot.path.resolve())
+        self._knobs: dict[str, Knob] = {}
+        for name, (_, dimension) in filed(robot).items():
+            part, *keys = name.split(".")
+            knob = _knob(devices.get(part), keys, dimension)
+            if knob is not None:
+                self._knobs[name] = knob
+
+    def told(self) -> Mapping[str, object]:
+        """Return what `tuning` is answered."""
+        return {"file": self._file, "knobs": [_told(name, knob) for name, knob in self._knobs.items()]}
+
+    def tune(self, name: str, value: float) -> Mapping[str, object]:
+        """Set a value; return what holds. Raises BadMessage."""
+        knob = self._knobs.get(name)
+        if knob is None:
+            raise BadMessage("bad_field", f"nothing is called '{name}'", did_you_mean(name, self._knobs))
+        if not knob.low <= value <= knob.high:
+            ends = " to ".join(written(end, knob.dimension) for end in (knob.low, knob.high))
+            raise BadMessage("bad_field", f"{name}: {written(value, knob.dimension)} is not within {ends}")
+        try:
+            knob.turn(value)
+        except DriverError as error:
+            raise BadMessage("device", str(error), error.hint) from error
+        knob.tuned = True
+        return _told(name, knob)
+
+
+def _told(name: str, knob: Knob) -> Mapping[str, object]:
+    about = {"name": name, "dimension": knob.dimension, "low": knob.low, "high": knob.high}
+    return {**about, "value": knob.now(), "tuned": knob.tuned}
+
+
+def tuned_in_words(told: Mapping[str, Any]) -> str:
+    """Return what a value is now, for the log: "head pan trim: 3 deg"."""
+    return f"{told['name'].replace('.', ' ')}: {written(told['value'], told['dimension'])}"
+
+
+def _knob(device: Any, keys: list[str], dimension: str) -> Knob | None:
+    """Return how a value of a part is read and set; None where that part's driver does not let it."""
+    match keys:
+        case [axis, "trim"] if isinstance(device, Trimmable):
+            at = ("pan", "tilt").index(axis)
+            turn = partial(_trim, device, axis)
+            return Knob(dimension, -LARGEST_TRIM, LARGEST_TRIM, lambda: device.trim()[at], turn)
+        case ["joints", joint, end] if isinstance(device, Curbed):
+            file = device.limits[joint]
+            low, high = (file.lower, file.upper) if end in LIMITS else (SLOWEST * file.speed, file.speed)
+            return Knob(
+                dimension, low, high, lambda: getattr(device.limits[joint], end), partial(_bend, device, joint, end)
+            )
+        case [key] if isinstance(device, Curbed):
+            field = FIELDS.get(key, key)
+            high = getattr(device.limits, field)
+            return Knob(
+                dimension, SLOWEST * high, high, lambda: getattr(device.limits, field), partial(_curb, device, field)
+            )
+        case _:
+            return None
+
+
+def _trim(device: Trimmable, axis: str, value: float) -> None:
+    device.trim(**{axis: value})
+
+
+def _bend(device: Any, joint: str, end: str, value: float) -> None:
+    device.curb({joint: replace(device.limits[joint], **{end: value})})
+
+
+def _curb(device: Any, field: str, value: float) -> None:
+    device.curb(replace(device.limits, **{field: value}))
+
 
 HALT_TIME = 5.0
 """Seconds that a run has to end that was told to; then it gets a SIGTERM, which its watchdog hears as well."""

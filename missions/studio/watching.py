@@ -8,7 +8,7 @@ from contextlib import suppress
 
 from drivers.clock import Clock, SystemClock
 from missions.studio import sockets
-from missions.studio.client import NOTHING, Waiting
+from missions.studio.audience import NOTHING, Waiting
 from missions.studio.commands import Watch
 from missions.studio.form import BadMessage
 from missions.studio.link import Link

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.smileys import split
+from behaviours.voice import split
 from drivers.api import Mood
 
 

@@ -20,7 +20,7 @@ from threading import Event, Thread
 from types import MethodType
 from typing import Any
 
-from behaviours.mirroring import Mirroring
+from behaviours.joint_motion import Mirroring
 from drivers.api import Coupling
 from drivers.clock import SystemClock
 from drivers.dynamixel.bus import At, Bus

@@ -6,9 +6,9 @@ from config.faults import InvalidFileError, Source
 from drivers.api import Manner
 from drivers.clock import SystemClock
 from drivers.table import HOUSE
-from drivers.voice.choose import Wish, make_voice
 from drivers.voice.declared import FILLED, PiperKeys, SpeechKeys
-from drivers.voice.synthesiser import Synthesiser
+from drivers.voice.make import Wish, make_voice
+from drivers.voice.program import Synthesiser
 from missions.library.drivers import robot_of
 
 

@@ -13,9 +13,8 @@ from drivers.sim.twins.voice import VoiceTwin
 from drivers.voice.engines import Espeak
 from drivers.voice.player import Player
 from drivers.voice.printed import PrintedVoice
-from drivers.voice.speaker import Speaker
+from drivers.voice.program import Speaker, Synthesiser
 from drivers.voice.speech import SpeechVoice
-from drivers.voice.synthesiser import Synthesiser
 from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, simulated
 
 PROGRAM = "import sys, threading; threading.Event().wait(0.2 * len(sys.stdin.read().split()))"

@@ -13,8 +13,8 @@ import pytest
 
 from drivers.api import Camera, CameraFrame, DeviceStatus, Image
 from drivers.camera.capture import Capture
-from drivers.camera.choose import open_source
 from drivers.camera.folder import FolderCamera
+from drivers.camera.make import open_source
 from drivers.camera.opencv import OpenCVCamera
 from drivers.camera.pictures import pictures
 from drivers.camera.source import Kind, Source, kind_of

@@ -5,7 +5,7 @@ from math import degrees, pi, radians, sin
 
 import pytest
 
-from behaviours.mirroring import Mirroring, by_range
+from behaviours.joint_motion import Mirroring, by_range
 from drivers.api import Coupling
 from drivers.api.following import FOLLOWING_TOLERANCE, RUN_IN
 from drivers.dynamixel.joint import JointSpec

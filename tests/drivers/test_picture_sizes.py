@@ -14,10 +14,9 @@ import numpy as np
 import pytest
 
 from drivers.api import Camera
-from drivers.camera.choose import open_source
-from drivers.camera.decode import decoded, load
+from drivers.camera.decode import decoded, load, size_of
+from drivers.camera.make import open_source
 from drivers.camera.pictures import pictures
-from drivers.camera.size import size_of
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
 from missions.assembly.people import People, PeopleError

@@ -16,9 +16,8 @@ from drivers.clock import ManualClock
 from drivers.screen.drawing import HEIGHT, WIDTH, draw
 from drivers.screen.expression import BLINK, BLINK_EVERY, expression
 from drivers.screen.frame import frame
-from drivers.screen.page import news, picture
+from drivers.screen.pages import news, numbers, picture, svg
 from drivers.screen.printed import PrintedScreen
-from drivers.screen.svg import numbers, svg
 from drivers.screen.words import LINES, MAX_TEXT_LENGTH, arranged
 from drivers.sim.twins.screen import ScreenTwin
 from missions.testing.recorders.screen import RecordedScreen

@@ -18,9 +18,8 @@ from drivers.clock import SystemClock
 from drivers.screen.drawing import draw
 from drivers.screen.expression import expression
 from drivers.screen.frame import frame
-from drivers.screen.pages import PageScreen
+from drivers.screen.pages import PageScreen, numbers
 from drivers.screen.server import LISTENERS, TALKS
-from drivers.screen.svg import numbers
 from tests.browser import Browser, Tab
 from tests.cases import each
 from tests.waiting import wait_until

@@ -20,20 +20,18 @@ from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest, DeviceFault, NoReply
 from drivers.pipe import Message, Unframer, Worker, frame
 from drivers.voice import espeak_worker, sound_worker
-from drivers.voice.choose import Wish, make_voice
 from drivers.voice.cut import Cut
 from drivers.voice.engines import Espeak, Piper
+from drivers.voice.make import Wish, make_voice
 from drivers.voice.manner import espeak_name, filled
 from drivers.voice.player import Player
 from drivers.voice.printed import PrintedVoice
-from drivers.voice.program import Ran, run
+from drivers.voice.program import Ran, Speaker, Synthesiser, run
 from drivers.voice.protocol import PIECE, Speech, pieces, request, speech
 from drivers.voice.sound_worker import Queue
 from drivers.voice.sounds import checked, length_of
-from drivers.voice.speaker import Speaker
 from drivers.voice.speech import SpeechVoice
-from drivers.voice.synthesiser import Synthesiser
-from drivers.voice.visemes import movement, shape_of
+from drivers.voice.spoken import movement, shape_of
 from tests.cases import each
 from tests.waiting import wait_until
 
@@ -482,7 +480,7 @@ def test_each_driver_has_its_engine() -> None:
 def test_without_the_wheel_an_installed_program_speaks_else_words_are_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("drivers.voice.choose.find_spec", lambda _: None)
+    monkeypatch.setattr("drivers.voice.make.find_spec", lambda _: None)
     monkeypatch.setenv("PATH", str(tmp_path))
     assert isinstance(make_voice(Wish("auto"), SystemClock(), print), PrintedVoice)
     printed, notices = list[str](), list[DeviceStatus]()

@@ -13,9 +13,8 @@ from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NotConnected
 from drivers.voice.player import Player
 from drivers.voice.printed import PrintedVoice
-from drivers.voice.speaker import Speaker
+from drivers.voice.program import Speaker, Synthesiser, find_synthesiser
 from drivers.voice.speech import SpeechVoice
-from drivers.voice.synthesiser import Synthesiser, find_synthesiser
 from tests.cases import each
 from tests.waiting import wait_until
 

@@ -14,7 +14,7 @@ from behaviours.robot import Robot
 from drivers.clock import ManualClock
 from drivers.errors import NotConnected
 from missions.assembly.assembled import Assembled
-from missions.cli.heeded import GONE, heeded
+from missions.cli.leash import GONE, heeded
 from missions.executive.events import Event, Logged, Stream
 from missions.executive.state import state_of
 from missions.language.expressions import parse

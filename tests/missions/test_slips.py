@@ -9,8 +9,7 @@ import click
 import pytest
 
 from drivers.errors import NotConnected
-from drivers.port_kind import LISTED, other_than_serial
-from drivers.ports import open_port
+from drivers.ports import LISTED, open_port, other_than_serial
 from missions.cli.numbers import Real, Whole
 from missions.cli.root import mission as root
 from tests.missions.command import Outcome, command

@@ -8,7 +8,7 @@ import pytest
 from behaviours.leaf import FAILURE, RUNNING
 from behaviours.sight import FaceSeen
 from drivers.errors import NotConnected
-from missions.assembly.watchful import WatchfulSight
+from missions.assembly.eyes import WatchfulSight
 from missions.executive.answers import Answers
 from missions.executive.proxy import proxied
 from missions.testing.recorders.bench import Bench

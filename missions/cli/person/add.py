@@ -7,7 +7,7 @@ import click
 
 from drivers.api import DeviceStatus
 from drivers.api.senses import CameraKeys
-from drivers.camera.choose import open_source
+from drivers.camera.make import open_source
 from drivers.camera.pictures import pictures
 from drivers.camera.source import Kind, kind_of
 from drivers.clock import SystemClock

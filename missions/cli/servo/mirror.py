@@ -7,7 +7,7 @@ from threading import Event
 
 import click
 
-from behaviours.mirroring import Mirroring, by_range, spans
+from behaviours.joint_motion import Mirroring, by_range, spans
 from drivers.api import Coupling, JointLimits
 from drivers.dynamixel.driver import DynamixelJoints
 from drivers.errors import NotConnected

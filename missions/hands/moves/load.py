@@ -7,13 +7,13 @@ A sheet alone has a column for every joint, headed by its name, in radians, and 
 from pathlib import Path
 
 from config.gesture import gesture_of
+from config.library import SHEETS
 from config.marked import read_source
 from config.move import JointSource, MoveConfig, is_move, move_of
 from drivers.api import Gesture
 from drivers.api.sections import ArmKeys
-from missions.hands.moves.gesture import movement
 from missions.hands.moves.rows import TIME, played
-from missions.hands.moves.sheet import KINDS, Sheet, read_sheet
+from missions.hands.moves.sheet import Sheet, read_sheet
 
 
 def load_move(path: Path, *, rate: float | None = None, arm: ArmKeys | None = None) -> Gesture:
@@ -22,12 +22,12 @@ def load_move(path: Path, *, rate: float | None = None, arm: ArmKeys | None = No
     With an ``arm``, it can move no other joints, and none beyond its limits; and what moves a joint by less than a step
     of its servo is no movement. Raises InvalidFileError with every mistake, at its line or its row and column.
     """
-    if path.suffix.lower() in KINDS:
+    if path.suffix.lower() in SHEETS:
         sheet = read_sheet(path)
         return played(sheet, _of_headings(sheet, path), rate=rate, arm=arm)
     source = read_source(path)
     if not is_move(source):
-        return movement(gesture_of(source, None if arm is None else arm.reaches))
+        return gesture_of(source, None if arm is None else arm.reaches).movement
     move = move_of(source, path.parent, None if arm is None else arm.reaches)
     return played(read_sheet(move.sheet, move.tab), move, rate=rate, arm=arm)
 

@@ -18,13 +18,11 @@ from math import isfinite
 from pathlib import Path
 
 from config.faults import Diagnostic, InvalidFileError, Mark, Source, note, one_of
+from config.library import SHEETS
 from config.marked import read_source
 from config.reading import note_read, open_regular
 from config.units import seen
 from missions.hands.moves import workbook
-
-KINDS = (".csv", ".xls", ".xlsx", ".ods")
-"""How the names of spreadsheets end."""
 
 MAX_BYTES = 20_000_000
 
@@ -75,8 +73,8 @@ class Sheet:
 def read_sheet(path: Path, tab: str | None = None) -> Sheet:
     """Read a spreadsheet; of a workbook the sheet ``tab``, or the first. Raises InvalidFileError with what is wrong."""
     kind = path.suffix.lower()
-    if kind not in KINDS:
-        raise _refused(path, f"no spreadsheet: its name must end in {', '.join(KINDS)}")
+    if kind not in SHEETS:
+        raise _refused(path, f"no spreadsheet: its name must end in {', '.join(SHEETS)}")
     written = _separated(path) if kind == ".csv" else _workbook(path, tab)
     if len(written) > workbook.MAX_ROWS:
         raise _refused(path, f"more than {workbook.MAX_ROWS:,} rows")

@@ -11,12 +11,9 @@ from types import MappingProxyType
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.ports import explain
-from missions.hands.teleop import events
+from missions.hands.teleop import FIRST_PAD, events
 from missions.hands.teleop.events import Event, Span
 from missions.hands.teleop.keymap import ENABLE, LATCH, Push
-
-FIRST = "first"
-"""What stands for the first pad that is there."""
 
 DEAD = 0.1
 """The share of a stick's way around its middle that counts as its middle: none springs back exactly."""
@@ -142,8 +139,8 @@ def ask_span(descriptor: int, axis: int) -> Span | None:
 
 
 def pad_at(node: str, clock: Clock) -> Pad:
-    """Return the pad at a node, or for ``FIRST`` the first that is plugged in. Raises NotConnected as ``find_pad``."""
-    return Pad(find_pad() if node == FIRST else node, clock)
+    """Return the pad at a node; the first that is there for ``FIRST_PAD``. Raises NotConnected as ``find_pad``."""
+    return Pad(find_pad() if node == FIRST_PAD else node, clock)
 
 
 def find_pad(nodes: Path = Path("/sys/class/input")) -> str:

@@ -9,13 +9,13 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from config.faults import InvalidFileError, Source
+from config.library import SHEETS
 from config.marked import Mapping as Marked
 from config.marked import compose
 from config.reading import read_regular
 from config.robot import RobotConfig
 from missions.assembly.models import YUNET, folder
 from missions.assembly.together import eye
-from missions.hands.moves.sheet import KINDS as SHEETS
 from missions.language.plan import Plan
 from missions.language.values import shown
 from missions.library.shipped import behaviour_files

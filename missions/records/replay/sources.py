@@ -12,13 +12,12 @@ from config.library import UnknownNameError, find, is_file
 from config.reading import read_regular
 from config.robot import RobotConfig
 from missions.assembly.target import target_of
-from missions.hands.moves.keep import NewMove
 from missions.language.document import load_plan
 from missions.language.notes import Lookup
 from missions.language.plan import Plan
 from missions.library.drivers import load_robot
 from missions.library.shipped import find_mission
-from missions.library.things import THINGS
+from missions.library.things import THINGS, new_move
 from missions.library.vocabulary import vocabulary
 from missions.records.recording.faults import InvalidRecordError
 from missions.records.recording.head import Head
@@ -153,7 +152,7 @@ class Sources:
     def _things(self) -> Mapping[str, Lookup]:
         """Return how things are found; what is recorded anew is not written over what was recorded then."""
         held = {kind: partial(self._find_thing, THINGS[kind], holders) for kind, holders in HOLDERS.items()}
-        new = {"new move": lambda name: NewMove(str(self._folder / NEW / Path(name).name))}
+        new = {"new move": lambda name: new_move(str(self._folder / NEW / Path(name).name))}
         return {**THINGS, **held, **new, "file": Path}  # files are only handed on
 
     def _find_thing(self, look_up: Lookup, holders: tuple[str, ...], name: str) -> object:

@@ -16,8 +16,8 @@ from drivers.errors import BadRequest
 from missions.order import RunRequest
 from missions.runner import Runner
 from missions.studio import sockets
+from missions.studio.doing import Tuning
 from missions.studio.form import BadMessage
-from missions.studio.tuning import Tuning
 from tests.browser import Browser
 from tests.missions.command import Process
 from tests.missions.studio.page import Page

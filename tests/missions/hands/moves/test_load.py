@@ -11,7 +11,6 @@ from config.writing import gesture_text
 from drivers.api import Gesture, Keyframe
 from drivers.api.sections import ArmKeys
 from drivers.dynamixel.models import MODELS
-from missions.hands.moves.gesture import movement
 from missions.hands.moves.load import load_move
 from missions.library.drivers import robot_of
 from tests.missions.hands.moves.workbooks import Row, write_ods, write_xlsx
@@ -234,6 +233,6 @@ def test_a_sheet_can_be_kept_as_a_gesture_file(sheet: Path) -> None:
     sheet.write_text("elbow,wrist\n0,0.25\n0.5,0.25\n1.25,-0.5\n", encoding="utf-8")
     move = load_move(sheet, rate=50.0)
     frames = tuple((frame.time, frame.positions) for frame in move.keyframes)
-    kept = movement(gesture_of(Source("x", gesture_text(GestureConfig(move.name, "", frames, move.interpolation)))))
+    kept = gesture_of(Source("x", gesture_text(GestureConfig(move.name, "", frames, move.interpolation)))).movement
     assert kept.keyframes[1] == Keyframe(0.02, {"elbow": 0.5})
     assert (kept.name, kept.interpolation, len(kept.keyframes)) == ("reach", "cubic", 3)
