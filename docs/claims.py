@@ -52,6 +52,14 @@ CLAIMS = (
         "the virtual base's firmware, not a real one's",
     ),
     Claim(
+        "processes",
+        "a run, who records it, the studio and who drives by it, killed, frozen, cut off and stopped by chance: the "
+        "base rests 0.7 s after it last heard anything, what was stopped stays so, nothing is left but a readable "
+        "record",
+        f"TRIES=200 {TESTS}tests/missions/test_process_storm.py",
+        "arms and heads; two of them struck at the same instant",
+    ),
+    Claim(
         "wire of a base",
         "bytes lost, doubled, bent, a plug pulled, silence, a loop that stalls: the base rests 0.7 s after it was last "
         "commanded, and keeps its limits",
