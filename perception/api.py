@@ -222,7 +222,7 @@ class Sight(Protocol):
         ...
 
     def scene(self) -> Scene | None:
-        """What the newest frame shows as a whole, None before the first."""
+        """What the newest frame shows as a whole, or one of the last 0.2 s; None before the first."""
         ...
 
 

@@ -162,6 +162,11 @@ class Exposures:
         self._rest_from = self._rest_until = -np.inf
         self._borne_out = np.inf  # the delay that the newest check has
 
+    @property
+    def comparing(self) -> bool:
+        """Whether the next frame is to be compared with the newest."""
+        return self._before is not None
+
     def exposed(self, frame: Frame, camera: Pinhole) -> Frame:
         """Return ``frame`` with the time of its exposure, later than that of the frame before it."""
         self._learn(frame, camera)

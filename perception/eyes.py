@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from threading import Event, Thread
-from typing import Protocol
 
 from perception.api import Face, Frame, Gaze, Marker, Scene, Thing, View, ignore
 from perception.delay import Delay, Exposures
 from perception.geometry import Pinhole
 from perception.scene import measure
-from perception.senses import Senses
+from perception.senses import Senses, Sparing
+from perception.source import FrameSource, Skipping
 
 WAIT = 0.1
 """Seconds to wait for a frame, and to rest after trouble: how long ``close`` may take."""
@@ -24,16 +24,14 @@ away are looked for one after the other."""
 BLIND = 1.0
 """Seconds for which nobody waits for that longer: the camera may be away."""
 
+LASTS = 0.2
+"""Seconds for which a scene that was measured holds, unless what moves in it is asked for."""
+
+PACE = 0.15
+"""Seconds from one picture to the next, where nobody is whom anything could be missed of."""
+
 PAUSE = 0.005
 """Seconds to rest when no frame came: a camera that is closed may say so at once."""
-
-
-class FrameSource(Protocol):
-    """Where frames come from: a camera."""
-
-    def read(self, timeout: float) -> Frame | None:
-        """Wait up to ``timeout`` seconds for a frame newer than the last one read; None when none came."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +101,8 @@ class Vision(NewestView):
         self._gaze = gaze
         self._lens = field_of_view, centre, distortion
         self._senses = senses
+        faces: object = senses.faces
+        self._sparing = faces if isinstance(faces, Sparing) else None
         self._exposures = None if delay is None else Exposures(gaze, delay)
         self._changed = changed
         self._on_view = on_view
@@ -166,8 +166,21 @@ class Vision(NewestView):
         self._changed()
 
     def _scene(self, frame: Frame) -> Scene:
-        sense = self._senses.scene
-        return measure(frame.image, stamp=frame.stamp) if sense is None else sense.measure(frame)
+        sense, before = self._senses.scene, self._view.scene
+        if sense is not None:
+            return sense.measure(frame)
+        if before is not None and 0 <= frame.stamp - before.stamp < LASTS:
+            return before
+        return measure(frame.image, stamp=frame.stamp)
+
+    def spare(self, most: int) -> int:
+        """Return how many of the next frames, up to ``most``, nobody needs to hand in, and count them as searched."""
+        senses, exposures = self._senses, self._exposures
+        only_faces = senses.things is None and senses.markers is None and senses.scene is None
+        comparing = exposures is not None and exposures.comparing
+        if not only_faces or comparing or self._sparing is None:
+            return 0
+        return self._sparing.spare(most)
 
     def note(self, error: Exception) -> None:
         """Keep an error, and report it unless it is the same as the last."""
@@ -184,7 +197,8 @@ class Vision(NewestView):
 class Eyes:
     """Looks through ``source`` on a thread of its own, and gives every frame to ``vision``. Errors cost frames only.
 
-    Eyes that ``may_rest`` read no frames while nobody has asked for ``LINGER`` seconds what they see.
+    Eyes that ``may_rest`` read no frames while nobody has asked for ``LINGER`` seconds what they see. Those that see
+    nobody let frames go by that would not be searched, as long as ``PACE`` allows.
     """
 
     def __init__(self, source: FrameSource, vision: Vision) -> None:
@@ -195,6 +209,9 @@ class Eyes:
         self._opening_at = 0.0  # when somebody asked who ended it
         self._wanted = Event()
         self._source = source
+        self._skipping = source if isinstance(source, Skipping) else None
+        self._stamp = 0.0  # of the newest picture
+        self._spared = self._to_drop = 0  # pictures after it that go by; those of them that are read nevertheless
         self._ending = Event()
         self._thread: Thread | None = None
 
@@ -256,7 +273,20 @@ class Eyes:
                 continue
             if frame is None:
                 self._ending.wait(PAUSE)
+            elif self._to_drop > 0:
+                self._to_drop -= 1
             elif self.vision.see(frame):
                 self._opened += 1
+                self._spare(frame.stamp)
             else:
                 self._ending.wait(WAIT)
+
+    def _spare(self, stamp: float) -> None:
+        """Let as many of the next pictures go by as nobody needs; ``stamp`` is that of the newest."""
+        period = (stamp - self._stamp) / (self._spared + 1)
+        self._stamp = stamp
+        self._spared = self.vision.spare(int(PACE / period) - 1) if 0 < period < PACE else 0
+        if self._skipping is None:
+            self._to_drop = self._spared
+        elif self._spared > 0:
+            self._skipping.skip(self._spared)

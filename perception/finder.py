@@ -155,6 +155,17 @@ class FaceFinder:
         found = [Sighting(known.detection, known.found and known.trust > 0) for known in self._known]
         return sorted(found, key=lambda sighting: -sighting.detection.box.width)
 
+    def spare(self, most: int) -> int:
+        """Return how many of the next frames, up to ``most``, it need not be shown, and count them as if it had been.
+
+        Nobody is there, and it would search none of them.
+        """
+        if self._known or self._pause() < EMPTY:
+            return 0
+        spared = max(0, min(most, EMPTY - 1 - self._since_whole))
+        self._since_whole += spared
+        return spared
+
     def reset(self) -> None:
         """Forget everything: another film begins."""
         self._known.clear()

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from perception.api import UNKNOWN, Box, Face, Frame, Gaze, Image
 from perception.geometry import Pinhole
-from perception.senses import Sense
+from perception.senses import Sense, Sparing
 
 EVERY = 0.15
 """Seconds from one look at a face to the next: pictures that follow each other closely say the same."""
@@ -160,3 +160,7 @@ class NamedFaces:
         """Return the faces followed now, largest first."""
         faces = self._faces.sense(frame, camera, gaze)
         return self._naming.name(faces, frame.stamp, lambda box: self._recogniser.look(frame.image, box))
+
+    def spare(self, most: int) -> int:
+        """Return how many of the next frames it can do without: see ``perception.senses.Sparing``."""
+        return self._faces.spare(most) if isinstance(self._faces, Sparing) else 0

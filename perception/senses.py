@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 from perception.api import Face, Frame, Gaze, Image, Marker, Percept, Scene, Thing
 from perception.geometry import Pinhole
@@ -17,6 +17,15 @@ class Sense(Protocol[P_co]):
 
     def sense(self, frame: Frame, camera: Pinhole, gaze: Gaze | None) -> tuple[P_co, ...]:
         """Search the next frame, taken through ``camera`` that looked to ``gaze``; return what is followed now."""
+        ...
+
+
+@runtime_checkable
+class Sparing(Protocol):
+    """What need not be shown every frame."""
+
+    def spare(self, most: int) -> int:
+        """Return how many of the next frames, up to ``most``, nobody needs to show it, and count them as shown."""
         ...
 
 
@@ -46,6 +55,10 @@ class FaceSense:
     def sense(self, frame: Frame, camera: Pinhole, gaze: Gaze | None) -> tuple[Face, ...]:
         """Return the faces followed now, largest first."""
         return self._tracker.update(self._finder.find(frame.image), camera=camera, gaze=gaze, stamp=frame.stamp)
+
+    def spare(self, most: int) -> int:
+        """Return how many of the next frames it can do without: see Sparing."""
+        return self._finder.spare(most) if isinstance(self._finder, Sparing) else 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,12 +1,12 @@
 """One run of a camera, from its opening to its closing: the thread that always holds the newest picture ready."""
 
+from collections.abc import Callable
 from math import inf
 from threading import Condition, Event, Thread
 from typing import Protocol
 
-import numpy as np
-
 from drivers.api import CameraFrame, DeviceStatus, Health, Image, Report
+from drivers.camera.decode import UNWANTED
 from drivers.camera.freshness import Freshness
 from drivers.clock import Clock
 from drivers.errors import NotConnected
@@ -33,12 +33,11 @@ class Feed(Protocol):
         """
         ...
 
-    def grab(self) -> Image | None:
-        """Return the next picture, waiting for it if it is live; None when there is no more."""
-        ...
+    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+        """Return the next picture, waiting for it if it is live; None when there is no more.
 
-    def skip(self) -> bool:
-        """Let the next picture go by without decoding it, as ``grab`` waits for it; False when there is no more."""
+        Once it is there, ``wanted`` says whether anybody needs it; else it is ``UNWANTED``, and is not decoded.
+        """
         ...
 
     def stop(self) -> None:
@@ -57,10 +56,6 @@ _SILENCE = 2.0
 
 _JOIN_TIMEOUT = 1.0
 """Seconds that ``end`` waits for a thread that may be stuck in OpenCV."""
-
-
-_SKIPPED: Image = np.empty((0, 0, 3), np.uint8)
-"""Stands for a picture that was not decoded."""
 
 
 class Capture:
@@ -118,6 +113,11 @@ class Capture:
             self._lost(silent)
         return None
 
+    def skip(self, pictures: int) -> None:
+        """Let so many pictures go by after the last one given: none of them is decoded."""
+        with self._arrived:
+            self._given += pictures
+
     def health(self) -> Health:
         """Say whether pictures arrive, and if not, why."""
         with self._arrived:
@@ -159,11 +159,11 @@ class Capture:
         self._freshness.restart()
         before = self._frames
         self._silence = max(_SILENCE, 3 * (period or 0.0))
-        while (image := self._next()) is not None:
+        while (image := self._feed.grab(self._wanted)) is not None:
             if self._ending.is_set() or (period is not None and not self._paced(period)):
                 return None
-            if image is _SKIPPED:
-                self._let_go_by()
+            if image is UNWANTED:
+                self._let_go_by(live=period is None)
                 continue
             self._offer(image)
             if period is None:  # a recording may well hold still
@@ -179,17 +179,26 @@ class Capture:
         self._ending.wait()
         return None
 
-    def _next(self) -> Image | None:
-        """Return the next picture, ``_SKIPPED`` for one that nobody wants, None when there is no more."""
-        if self._clock.now() - self._read_at <= _UNREAD:
-            return self._feed.grab()
-        return _SKIPPED if self._feed.skip() else None
+    def _wanted(self) -> bool:
+        """Say whether anybody needs the next picture."""
+        return self._read_lately() and self._frames > self._given
 
-    def _let_go_by(self) -> None:
-        """Take note of a picture that was not decoded: what is read next is none of before."""
-        self._freshness.restart()
+    def _read_lately(self) -> bool:
+        return self._clock.now() - self._read_at <= _UNREAD
+
+    def _let_go_by(self, *, live: bool) -> None:
+        """Take note of a picture that was not decoded. Where nobody reads, what is read next is none of before."""
+        now, read = self._clock.now(), self._read_lately()
+        if not read:
+            self._freshness.restart()
+        elif live:
+            self._freshness.pass_over(now)
         with self._arrived:
-            self._came_at, self._frame = self._clock.now(), None
+            self._came_at = now
+            if read:
+                self._frames += 1
+            else:
+                self._frame = None
 
     def _paced(self, period: float) -> bool:
         """Wait until the next picture of a recording is due on the clock; False when the camera is closed first."""

@@ -8,6 +8,7 @@ import os
 import re
 import stat
 import struct
+from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
@@ -16,6 +17,9 @@ import numpy as np
 
 from drivers.api import Image
 from drivers.errors import BadRequest
+
+UNWANTED: Image = np.empty((0, 0, 3), np.uint8)
+"""Stands for a picture that was not decoded."""
 
 Size = tuple[int, int]
 """Width and height in pixels."""
@@ -202,26 +206,22 @@ def opened(source: str | int, backend: int, settings: list[int], *, what: str) -
     return video
 
 
-def grab(video: cv2.VideoCapture) -> Image | None:
+def grab(video: cv2.VideoCapture, wanted: Callable[[], bool] = lambda: True) -> Image | None:
     """Return the next picture of an open video; None at its end, or when the device has gone.
 
-    A frame that is suddenly too large is its end.
+    A frame that is suddenly too large is its end. One that is not ``wanted`` once it is there is not decoded.
     """
     try:
-        found, image = video.read()
+        if not video.grab():
+            return None
+        if not wanted():
+            return UNWANTED
+        found, image = video.retrieve()
     except cv2.error:
         return None
     if not found or image.shape[0] * image.shape[1] > MOST_PIXELS:
         return None
     return np.asarray(image, np.uint8)
-
-
-def skip(video: cv2.VideoCapture) -> bool:
-    """Let the next picture of an open video go by; False at its end, or when the device has gone."""
-    try:
-        return video.grab()
-    except cv2.error:
-        return False
 
 
 def _number(video: cv2.VideoCapture, key: int) -> int:

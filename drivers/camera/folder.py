@@ -1,11 +1,11 @@
 """A camera that shows the pictures of a folder, or one picture, at a steady rate."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import radians
 from pathlib import Path
 
 from drivers.api import Image, Report, ignore
-from drivers.camera.decode import load
+from drivers.camera.decode import UNWANTED, load
 from drivers.camera.source import PICTURES
 from drivers.camera.threaded import ThreadedCamera
 from drivers.clock import Clock
@@ -51,9 +51,11 @@ class FolderFeed:
         self._left, self._shown, self._trouble = iter(found), False, None
         return 1.0 / self._rate
 
-    def grab(self) -> Image | None:
-        """Return the next picture that decodes, None after the last. Raises NotConnected where none does."""
+    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+        """Return the next picture that decodes, None after the last: see Feed. Raises NotConnected where none does."""
         for path in self._left:
+            if not wanted():
+                return UNWANTED
             try:
                 image = load(path)
             except BadRequest as error:
@@ -64,10 +66,6 @@ class FolderFeed:
         if self._trouble is not None and not self._shown:
             raise NotConnected(f"{self._name}: gives no picture: {self._trouble}", hint=self._trouble.hint)
         return None
-
-    def skip(self) -> bool:
-        """Let the next picture go by; False after the last."""
-        return next(self._left, None) is not None
 
     def stop(self) -> None:
         """Forget the list."""

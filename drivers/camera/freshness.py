@@ -57,6 +57,10 @@ class Freshness:
         self._sample = self._fault = None
         self._stamps.clear()
 
+    def pass_over(self, stamp: float) -> None:
+        """Count a picture of ``stamp`` seconds that came, and was not decoded."""
+        self._stamps.append(stamp)
+
     def take(self, image: Image, stamp: float) -> None:
         """Look at the next picture, that was taken at ``stamp`` seconds."""
         frozen, slow = self._frozen(image, stamp), self._slow(stamp)

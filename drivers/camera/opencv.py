@@ -3,13 +3,14 @@
 import os
 import re
 import sys
+from collections.abc import Callable
 from math import radians
 from pathlib import Path
 
 import cv2
 
 from drivers.api import Image, Report, ignore
-from drivers.camera.decode import grab, opened, skip
+from drivers.camera.decode import grab, opened
 from drivers.camera.source import Kind, Source, is_number, kind_of
 from drivers.camera.threaded import ThreadedCamera
 from drivers.clock import Clock
@@ -60,13 +61,9 @@ class VideoFeed:
         rate = video.get(cv2.CAP_PROP_FPS)
         return 1.0 / (rate if 1.0 <= rate <= 240.0 else _FALLBACK_RATE)
 
-    def grab(self) -> Image | None:
-        """Return the next picture, None when there is no more."""
-        return None if self._video is None else grab(self._video)
-
-    def skip(self) -> bool:
-        """Let the next picture go by; False when there is no more."""
-        return self._video is not None and skip(self._video)
+    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+        """Return the next picture, None when there is no more: see Feed."""
+        return None if self._video is None else grab(self._video, wanted)
 
     def stop(self) -> None:
         """Release the source."""

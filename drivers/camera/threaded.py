@@ -64,6 +64,11 @@ class ThreadedCamera:
         capture = self._capture
         return Health(online=False, detail=f"{self.name}: not open") if capture is None else capture.health()
 
+    def skip(self, pictures: int) -> None:
+        """Let so many pictures go by after the newest that was read; they are not decoded. Nothing when not open."""
+        if self._capture is not None:
+            self._capture.skip(pictures)
+
     def read(self, timeout: float) -> CameraFrame | None:
         """Return the newest frame, waiting up to ``timeout`` seconds for it; None when there is none, or not open."""
         capture = self._capture

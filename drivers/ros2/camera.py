@@ -1,12 +1,13 @@
 """A camera whose pictures come by ROS 2: as Image, or as CompressedImage."""
 
+from collections.abc import Callable
 from typing import Any
 
 import cv2
 import numpy as np
 
 from drivers.api import Image
-from drivers.camera.decode import MOST_PIXELS, decoded
+from drivers.camera.decode import MOST_PIXELS, UNWANTED, decoded
 from drivers.errors import NotConnected
 from drivers.ros2 import wire
 from drivers.ros2.line import Channel, Nodes, TopicPort, absent
@@ -67,23 +68,20 @@ class TopicFeed:
             raise absent("camera", self._channel)
         return None
 
-    def grab(self) -> Image | None:
-        """Return the next picture; None when none has come for a while, or the session is lost."""
+    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+        """Return the next picture; None when none has come for a while, or the session is lost: see Feed."""
         for _ in range(round(SILENT_AFTER / PATIENCE)):
             found = self._next()
             if found is None:
                 return None
             for payload in found[-1:]:
+                if not wanted():
+                    return UNWANTED
                 try:
                     return picture(self._kind, payload)
                 except (Malformed, ValueError):
                     self.malformed += 1
         return None
-
-    def skip(self) -> bool:
-        """Let the next picture go by."""
-        found = self._next()
-        return found is not None
 
     def stop(self) -> None:
         """Listen no more. Safe from any state, more than once."""

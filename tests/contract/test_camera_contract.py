@@ -1,6 +1,6 @@
 """What ``drivers.api.Camera`` promises, kept by the driver over a feed and over ROS 2, by the renderer and the twin."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import radians
 from threading import Event
 
@@ -9,6 +9,7 @@ import pytest
 
 from drivers.api import Camera, CameraFrame, Image
 from drivers.api.driver import Site
+from drivers.camera.decode import UNWANTED
 from drivers.camera.threaded import ThreadedCamera
 from drivers.clock import Clock
 from drivers.errors import NotConnected
@@ -47,12 +48,11 @@ class Cable:
             raise NotConnected(f"camera: {self.what}: no such device", hint=self.hint)
         return None
 
-    def grab(self) -> Image | None:
+    def grab(self, wanted: Callable[[], bool]) -> Image | None:
         Event().wait(PERIOD)
-        return picture(self._clock.now()) if self.plugged else None
-
-    def skip(self) -> bool:
-        return self.grab() is not None
+        if not self.plugged:
+            return None
+        return picture(self._clock.now()) if wanted() else UNWANTED
 
     def stop(self) -> None:
         """Hold nothing that would have to be let go."""

@@ -13,6 +13,7 @@ import pytest
 
 from drivers.api import Camera, CameraFrame, DeviceStatus, Image
 from drivers.camera.capture import Capture
+from drivers.camera.decode import UNWANTED
 from drivers.camera.folder import FolderCamera
 from drivers.camera.make import open_source
 from drivers.camera.opencv import OpenCVCamera
@@ -172,11 +173,9 @@ class Webcam:
             raise NotConnected("eye: /dev/eye: no such device", hint="plug it in")
         return None
 
-    def grab(self) -> Image | None:
-        return self.pictures.get()
-
-    def skip(self) -> bool:
-        return self.grab() is not None
+    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+        image = self.pictures.get()
+        return image if image is None or wanted() else UNWANTED
 
     def stop(self) -> None:
         self.stopped.set()

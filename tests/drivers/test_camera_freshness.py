@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.api import DeviceStatus, Image
+from drivers.camera.decode import UNWANTED
 from drivers.camera.folder import FolderCamera
 from drivers.camera.freshness import FROZEN, Freshness
 from drivers.camera.threaded import ThreadedCamera
@@ -116,11 +117,9 @@ class Live:
     def start(self) -> float | None:
         return None
 
-    def grab(self) -> Image | None:
-        return self.pictures.get()
-
-    def skip(self) -> bool:
-        return self.grab() is not None
+    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+        image = self.pictures.get()
+        return image if image is None or wanted() else UNWANTED
 
     def stop(self) -> None:
         """Hold nothing that would have to be let go."""
@@ -202,13 +201,11 @@ class Counting(Live):
         super().__init__()
         self.decoded = self.gone_by = 0
 
-    def grab(self) -> Image | None:
-        self.decoded += 1
-        return super().grab()
-
-    def skip(self) -> bool:
-        self.gone_by += 1
-        return super().grab() is not None
+    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+        image = super().grab(wanted)
+        self.decoded += image is not None and image is not UNWANTED
+        self.gone_by += image is UNWANTED
+        return image
 
 
 def test_pictures_that_nobody_reads_are_not_decoded_and_the_camera_stays_online() -> None:
@@ -218,9 +215,9 @@ def test_pictures_that_nobody_reads_are_not_decoded_and_the_camera_stays_online(
         feed.pictures.put(STILL)
         wait_until(lambda: camera.read(0.1) is not None)
         clock.advance(5.0)
-        feed.pictures.put(STILL)  # the one that it waited for to decode meanwhile
-        wait_until(lambda: feed.gone_by == 1)
         decoded = feed.decoded
+        feed.pictures.put(STILL)
+        wait_until(lambda: feed.gone_by == 1)
         for _ in range(3):
             feed.pictures.put(STILL)
         wait_until(lambda: feed.gone_by == 4)
@@ -228,9 +225,33 @@ def test_pictures_that_nobody_reads_are_not_decoded_and_the_camera_stays_online(
         assert camera.health().online
         assert camera.read(0.0) is None  # none of before
         feed.pictures.put(STILL)
-        feed.pictures.put(STILL)
         wait_until(lambda: camera.read(0.1) is not None)
     finally:
         feed.pictures.put(None)
+        camera.close()
+
+
+def test_pictures_that_a_reader_lets_go_by_are_not_decoded_and_make_no_camera_slow() -> None:
+    feed, clock, notices = Counting(), ManualClock(), list[DeviceStatus]()
+    camera = opened(feed, clock, notices.append)
+    try:
+        for number in range(0, 60, 6):
+            feed.pictures.put(noisy(number))
+            wait_until(lambda: (frame := camera.read(0.1)) is not None and frame.number == number)  # noqa: B023
+            camera.skip(5)
+            for step in range(1, 6):
+                clock.advance(0.1)
+                feed.pictures.put(noisy(number + step))
+                until_shown(camera, number + step + 1)
+            clock.advance(0.1)
+        health = camera.health()
+        assert (feed.decoded, feed.gone_by) == (10, 50)
+        assert (health.counters["dropped"], health.detail) == (0, "")
+        assert [notice.kind for notice in notices] == ["online"]
+    finally:
         feed.pictures.put(None)
         camera.close()
+
+
+def test_a_camera_that_is_not_open_lets_nothing_go_by() -> None:
+    ThreadedCamera(Counting, ManualClock(), name="eye", field_of_view=1.0, loop=True, retry=1.0, report=print).skip(3)

@@ -1,0 +1,162 @@
+"""Eyes that see nobody let pictures go by that would not be searched, and miss nobody by it."""
+
+import itertools
+from collections.abc import Iterator
+from math import radians
+from threading import Event
+
+import numpy as np
+import pytest
+
+from perception.api import Frame, Gaze, Image, Thing
+from perception.delay import Delay
+from perception.eyes import PACE, Eyes, Vision
+from perception.finder import EAGER, EMPTY, FaceFinder
+from perception.geometry import Pinhole
+from perception.senses import FaceSense, Finder, Senses
+from perception.source import FrameSource
+from perception.tracks import Tracker
+from tests.perception.test_finder import Counting, wall
+from tests.waiting import wait_until
+
+RATE = 30.0
+
+
+class Picture:
+    def __init__(self, number: int, image: Image, rate: float) -> None:
+        self.stamp = 5.0 + number / rate
+        self.image = image
+
+
+class Film:
+    """A source of so many pictures of one wall, at a rate by their stamps; keeps those that were read."""
+
+    def __init__(self, length: int, rate: float = RATE) -> None:
+        self.length, self.rate = length, rate
+        self.next = 0
+        self.read_of: list[int] = []
+        self.image = wall()
+
+    def read(self, timeout: float) -> Picture | None:
+        if self.next >= self.length:
+            Event().wait(timeout)
+            return None
+        self.read_of.append(self.next)
+        self.next += 1
+        return Picture(self.read_of[-1], self.image, self.rate)
+
+
+class Skippable(Film):
+    """One that can let pictures go by."""
+
+    def skip(self, pictures: int) -> None:
+        self.next += pictures
+
+
+class NoThings:
+    """Looks for things, and sees none."""
+
+    def sense(self, frame: Frame, camera: Pinhole, gaze: Gaze | None) -> tuple[Thing, ...]:
+        del frame, camera, gaze
+        return ()
+
+
+def nobody() -> Counting:
+    detector = Counting()
+    detector.blind = True
+    return detector
+
+
+class Looker:
+    """Eyes on a film; ``seen`` are the numbers of the pictures that were searched for faces."""
+
+    def __init__(self, film: FrameSource, finder: Finder, *, turning: bool = False, wanted: bool = False) -> None:
+        self.seen: list[int] = []
+        self._turning = turning
+        senses = Senses(faces=FaceSense(finder, Tracker()))
+        if wanted:
+            senses = Senses(senses.faces, things=NoThings())
+        vision = Vision(
+            self.gaze,
+            field_of_view=radians(60),
+            senses=senses,
+            now=lambda: 0.0,
+            delay=Delay() if turning else None,
+            on_frame=lambda frame, _: self.seen.append(round((frame.stamp - 5.0) * RATE)),
+        )
+        self.eyes = Eyes(film, vision)
+
+    def gaze(self, stamp: float) -> Gaze:
+        return Gaze(stamp if self._turning else 0.0, 0.0)
+
+
+@pytest.fixture
+def opened() -> Iterator[list[Eyes]]:
+    """Eyes to close in the end."""
+    eyes: list[Eyes] = []
+    yield eyes
+    for each in eyes:
+        each.close()
+
+
+def watch(looker: Looker, film: Film, opened: list[Eyes]) -> list[int]:
+    """Have a film seen to its end; return the numbers of the pictures that were searched."""
+    opened.append(looker.eyes)
+    looker.eyes.open()
+    wait_until(lambda: film.next >= film.length)
+    looker.eyes.close()
+    return looker.seen
+
+
+def test_where_nobody_is_every_fourth_picture_of_thirty_a_second_is_read(opened: list[Eyes]) -> None:
+    film = Skippable(EAGER + 8 * EMPTY)
+    seen = watch(Looker(film, FaceFinder(nobody())), film, opened)
+    assert seen[:EAGER] == list(range(EAGER))
+    later = seen[-6:]
+    assert [after - before for before, after in itertools.pairwise(later)] == [4] * 5
+    assert film.read_of == seen
+
+
+def test_a_source_that_cannot_skip_is_read_and_what_would_go_by_is_not_searched(opened: list[Eyes]) -> None:
+    skippable, plain = Skippable(EAGER + 8 * EMPTY), Film(EAGER + 8 * EMPTY)
+    seen = watch(Looker(skippable, FaceFinder(nobody())), skippable, opened)
+    assert watch(Looker(plain, FaceFinder(nobody())), plain, opened) == seen
+    assert plain.read_of == list(range(plain.length))
+
+
+def test_no_search_is_missed_by_what_goes_by(opened: list[Eyes]) -> None:
+    shown, spared = nobody(), nobody()
+    film = Skippable(EAGER + 8 * EMPTY)
+    watch(Looker(film, FaceFinder(spared)), film, opened)
+    finder = FaceFinder(shown)
+    for _ in range(film.length):
+        finder.find(film.image)
+    assert spared.whole == shown.whole
+
+
+def test_of_a_slow_camera_every_picture_is_read(opened: list[Eyes]) -> None:
+    film = Skippable(EAGER + 4 * EMPTY, rate=0.9 / PACE)
+    watch(Looker(film, FaceFinder(nobody())), film, opened)
+    assert film.read_of == list(range(film.length))
+
+
+def test_while_the_camera_turns_and_its_delay_is_learnt_none_goes_by(opened: list[Eyes]) -> None:
+    film = Skippable(EAGER + 4 * EMPTY)
+    watch(Looker(film, FaceFinder(nobody()), turning=True), film, opened)
+    assert film.read_of == list(range(film.length))
+
+
+def test_while_things_are_looked_for_none_goes_by(opened: list[Eyes]) -> None:
+    film = Skippable(EAGER + 4 * EMPTY)
+    watch(Looker(film, FaceFinder(nobody()), wanted=True), film, opened)
+    assert film.read_of == list(range(film.length))
+
+
+def test_a_scene_that_was_measured_holds_for_a_fifth_of_a_second() -> None:
+    vision = Looker(Film(0), FaceFinder(nobody())).eyes.vision
+    vision.see(Picture(0, np.full((48, 64, 3), 10, np.uint8), 10.0))
+    scenes = [vision.scene()]
+    for number, level in enumerate((20, 30, 40), start=1):
+        vision.see(Picture(number, np.full((48, 64, 3), level, np.uint8), 10.0))
+        scenes.append(vision.scene())
+    assert [scene and round(scene.brightness) for scene in scenes] == [10, 20, 20, 40]
