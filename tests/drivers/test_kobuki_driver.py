@@ -859,7 +859,7 @@ def test_it_drives_and_stops(running: Ported) -> None:
 
 @pytest.mark.real_time
 def test_it_is_stopped_when_it_is_closed(running: Ported) -> None:
-    wait_until(running.driving)
+    wait_until(running.driving, pause=0.02)
     running.base.close()
     wait_until(lambda: not running.moves())
     assert not running.online()
@@ -895,7 +895,7 @@ def test_a_base_that_appears_later_is_found(ported: Ported) -> None:
     wait_until(lambda: "no such device" in ported.base.health().detail)
     assert ported.base.health().hint
     ported.terminal.open()
-    wait_until(ported.driving)
+    wait_until(ported.driving, pause=0.02)
 
 
 @pytest.mark.real_time

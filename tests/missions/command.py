@@ -96,13 +96,3 @@ class Process:
 def events_of(lines: Sequence[str]) -> list[dict[str, Any]]:
     """Read JSON lines."""
     return [json.loads(line) for line in lines if line.strip()]
-
-
-def wait_until(condition: Callable[[], bool], *, seconds: float = PATIENCE) -> None:
-    """Wait for a condition on something that runs in real time; fail the test when it does not come true."""
-    pause = Event()
-    for _ in range(int(seconds / 0.02)):
-        if condition():
-            return
-        pause.wait(0.02)
-    assert condition(), f"not within {seconds} s"

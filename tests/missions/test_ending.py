@@ -12,7 +12,8 @@ from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.terminal import Terminal
 from missions.order import RunRequest
 from missions.runner import Runner
-from tests.missions.command import Process, wait_until
+from tests.missions.command import Process
+from tests.waiting import wait_until
 
 pytestmark = pytest.mark.real_time
 

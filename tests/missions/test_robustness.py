@@ -22,7 +22,8 @@ from missions.library.shipped import load_mission
 from missions.order import RunRequest
 from missions.runner import Runner
 from missions.testing.recorders import HOLD, RELAX, STOP, Bench, good, stale
-from tests.missions.command import Process, command, wait_until
+from tests.missions.command import Process, command
+from tests.waiting import wait_until
 
 
 def event(text: str = "x") -> Event:

@@ -14,8 +14,9 @@ from drivers.dynamixel.declared import DynamixelKeys
 from drivers.virtual.servo import VirtualServo
 from missions.cli.servo.ranges import Range, keep_ranges
 from missions.library.drivers import load_robot
-from tests.missions.command import Outcome, command, wait_until
+from tests.missions.command import Outcome, command
 from tests.missions.servo_bench import Three, three
+from tests.waiting import wait_until
 
 Mission = Callable[[str], Outcome]
 

@@ -24,7 +24,8 @@ from drivers.virtual.terminal import Terminal
 from missions.cli.servo.home import Homed, offset_for
 from tests.cases import each
 from tests.drivers.wired import Wired
-from tests.missions.command import Outcome, command, wait_until
+from tests.missions.command import Outcome, command
+from tests.waiting import wait_until
 
 Mission = Callable[[str], Outcome]
 STS = MODELS["STS3215"]

@@ -14,7 +14,8 @@ from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
 from missions.cli.servo.mirror import coupled
-from tests.missions.command import Outcome, command, wait_until
+from tests.missions.command import Outcome, command
+from tests.waiting import wait_until
 
 Mission = Callable[[str], Outcome]
 

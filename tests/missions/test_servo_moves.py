@@ -14,8 +14,9 @@ from matplotlib.figure import Figure
 
 from config.gesture import load_gesture
 from drivers.ports import open_port
-from tests.missions.command import Outcome, Process, command, wait_until
+from tests.missions.command import Outcome, Process, command
 from tests.missions.servo_bench import Three, three
+from tests.waiting import wait_until
 from tests.waiting import wait_until as wait_for
 
 Mission = Callable[[str], Outcome]

@@ -10,8 +10,9 @@ import pytest
 
 from drivers.dynamixel.units import baud_code
 from drivers.ports import open_port
-from tests.missions.command import Outcome, Process, command, wait_until
+from tests.missions.command import Outcome, Process, command
 from tests.missions.servo_bench import Three, three
+from tests.waiting import wait_until
 
 Servo = Callable[..., Outcome]
 

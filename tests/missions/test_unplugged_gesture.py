@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.missions.command import Process, events_of, wait_until
+from tests.missions.command import Process, events_of
 from tests.missions.servo_bench import Three, three
+from tests.waiting import wait_until
 
 pytestmark = pytest.mark.real_time
 

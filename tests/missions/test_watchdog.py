@@ -21,7 +21,8 @@ from missions.executive.events import FaultRaised, Stream
 from missions.executive.watchdog import GLANCE, Limits, Watchdog
 from missions.order import RunRequest
 from missions.runner import Runner
-from tests.missions.command import Process, command, wait_until
+from tests.missions.command import Process, command
+from tests.waiting import wait_until
 
 # --- one look at a time, on a clock that the test advances ------------------------------------------------------------
 

@@ -93,10 +93,10 @@ def way(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Way]:
 
 def test_the_base_comes_to_rest_and_with_the_way_back_it_drives_again(way: Way) -> None:
     clock = SystemClock()
-    wait_until(way.drives)
+    wait_until(way.drives, pause=0.02)
     way.lost()
     lost = clock.now()
-    wait_until(way.rests)
+    wait_until(way.rests, pause=0.02)
     assert clock.now() - lost < 0.7
     wait_until(lambda: not way.robot.base.health().online)
     at = way.robot.virtual.pose(way.robot.clock.now())
@@ -105,7 +105,7 @@ def test_the_base_comes_to_rest_and_with_the_way_back_it_drives_again(way: Way) 
     # What was held up on the way does not move it.
     assert way.robot.virtual.pose(way.robot.clock.now()).x == pytest.approx(at.x, abs=0.01)
     way.robot.base.enable()
-    wait_until(way.drives)
+    wait_until(way.drives, pause=0.02)
 
 
 def test_a_goal_is_said_to_be_unknown_and_cancelled_with_the_way_back_and_the_next_is_done(way: Way) -> None:

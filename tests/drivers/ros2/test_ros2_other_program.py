@@ -80,7 +80,7 @@ def test_it_is_driven_measured_and_sent_to_places(other: Other) -> None:
         state = other.base.state().value
         return state is not None and state.pose.x > 0.05 and state.pose.heading > 0.01
 
-    wait_until(driven)
+    wait_until(driven, pause=0.02)
     other.base.stop()
     scan = other.ranger.scan().value
     assert scan is not None

@@ -85,7 +85,7 @@ def test_a_base_is_found_with_the_type_that_it_listens_for_and_driven(robot: Rob
         state = robot.base.state().value
         return state is not None and state.pose.x > 0.05
 
-    wait_until(driven)
+    wait_until(driven, pause=0.02)
     robot.base.stop()
     wait_until(lambda: robot.virtual.body.velocity == STILL)
     assert robot.virtual.pose(robot.clock.now()).x > 0.04
@@ -102,7 +102,7 @@ def test_with_its_router_gone_it_comes_to_rest_and_with_it_back_it_goes_on_by_it
         state = robot.base.state().value
         return state is not None and state.velocity.linear > 0.15
 
-    wait_until(driven)
+    wait_until(driven, pause=0.02)
     robot.terminal.unplug()
     lost = robot.clock.now()
     wait_until(lambda: robot.virtual.body.velocity == STILL)
@@ -113,7 +113,7 @@ def test_with_its_router_gone_it_comes_to_rest_and_with_it_back_it_goes_on_by_it
     robot.terminal.replug()
     wait_until(lambda: all(device.health().online for device in robot.devices))
     robot.base.enable()
-    wait_until(driven)
+    wait_until(driven, pause=0.02)
     assert [each.kind for each in robot.told if each.device == "ros2"] == ["online", "offline", "online"]
 
 

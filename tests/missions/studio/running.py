@@ -54,7 +54,7 @@ class Client:
             self.drive()
             return base.seen().top > 0.1
 
-        wait_until(moves)
+        wait_until(moves, pause=0.02)
 
 
 @contextmanager

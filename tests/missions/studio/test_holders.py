@@ -45,7 +45,7 @@ def test_mission_stop_ends_teleop_with_the_base_at_rest(capsys: pytest.CaptureFi
     with driving() as (terminal, base):
         name = f"{terminal.process.pid}: teleop on turtlebot2"
         assert command(capsys, "stop", "--list").out == f"{name}\n"
-        wait_until(lambda: terminal.hold() and base.seen().moving)
+        wait_until(lambda: terminal.hold() and base.seen().moving, pause=0.02)
         since = base.seen().heard_at
         stopped = command(capsys, "stop", "teleop")
         assert (stopped.code, stopped.out) == (0, f"{name}: ended, with what it moved at rest\n")

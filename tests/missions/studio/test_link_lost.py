@@ -75,7 +75,7 @@ def test_the_base_rests_when_the_links_are_made_anew(tmp_path: Path) -> None:
             client.send(do="drive", run=run, n=number, t=clock.now(), ahead=1.0, left=0.0, pace=1.0)
             return base.seen().moving
 
-        wait_until(pushed_on)
+        wait_until(pushed_on, pause=0.02)
         since = base.seen().heard_at
         assert other.ask("revoke")["ok"]
         assert seconds_to_rest(base, since) < REST
@@ -99,7 +99,7 @@ def test_the_base_rests_when_nothing_of_its_driver_comes_through(tmp_path: Path,
             push()
             return base.seen().moving
 
-        wait_until(pushed_on)
+        wait_until(pushed_on, pause=0.02)
         proxy.flows.clear()
         since = base.seen().heard_at
         if gone:

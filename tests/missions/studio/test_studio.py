@@ -45,7 +45,7 @@ class Driver:
             self.push(0.0 if self.number % 100 == 99 else 1.0)  # lets go now and then: commands may have come late
             return base.seen().top > 0.1
 
-        wait_until(moves)
+        wait_until(moves, pause=0.02)
         self.push()
         return base.seen().heard_at
 

@@ -78,14 +78,14 @@ def driving() -> Iterator[tuple[Terminal, LoneBase]]:
     """A base that a person drives with a key held."""
     with lone_base() as base, teleop("--robot", "turtlebot2", "--port", base.port) as terminal:
         wait_until(lambda: terminal.shows("Ctrl-C ends"))
-        wait_until(lambda: terminal.hold() and base.seen().moving)
+        wait_until(lambda: terminal.hold() and base.seen().moving, pause=0.02)
         yield terminal, base
 
 
 def test_a_key_drives_and_escape_ends_with_the_base_at_rest() -> None:
     with driving() as (terminal, base):
-        wait_until(lambda: terminal.hold() and terminal.shows("teleop"))
-        wait_until(lambda: terminal.hold() and base.seen().top > 0.99 * HALF)
+        wait_until(lambda: terminal.hold() and terminal.shows("teleop"), pause=0.02)
+        wait_until(lambda: terminal.hold() and base.seen().top > 0.99 * HALF, pause=0.02)
         wait_until(lambda: not base.seen().moving)  # nobody holds it any more
         terminal.type(b"\x1b")
         assert terminal.process.wait(20.0) == 0
@@ -127,7 +127,7 @@ def test_a_line_that_breaks_ends_it_with_the_base_at_rest() -> None:
 def test_it_drives_a_virtual_robot_in_a_world_where_none_is_named() -> None:
     with teleop("--world", "corridor", "--speed", "30 %") as terminal:
         wait_until(lambda: terminal.shows("30 % | "))
-        wait_until(lambda: terminal.hold() and terminal.shows("+0.15 m/s"))
+        wait_until(lambda: terminal.hold() and terminal.shows("+0.15 m/s"), pause=0.02)
         terminal.type(b"\x04")
         assert terminal.process.wait(20.0) == 0
 

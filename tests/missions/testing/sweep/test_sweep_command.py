@@ -18,8 +18,9 @@ from config.world import load_world
 from missions.testing.sweep.row import Row
 from missions.testing.sweep.sweep import Sweep
 from missions.testing.sweep.trial import run_some
-from tests.missions.command import Process, command, wait_until
+from tests.missions.command import Process, command
 from tests.missions.testing.sweep.labour import GLANCE
+from tests.waiting import wait_until
 
 VARY = ("--vary", "person.bearing=-100..100 deg", "--vary", "light=40 %,100 %", "--vary", "param.patience=2..3 s")
 
