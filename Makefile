@@ -59,7 +59,8 @@ test: $(OTHERS_STAMP) ## what CI runs: the checks, then every test
 compiled: $(OTHERS_STAMP)
 	PYTHONDONTWRITEBYTECODE= $(BIN)/pytest --collect-only -qq > $(VENV)/collected.txt || (cat $(VENV)/collected.txt; exit 1)
 
-fuzz: $(OTHERS_STAMP) ## the tests with random examples, new ones at each run, ten times over
+fuzz: $(OTHERS_STAMP) ## all of the campaigns, then the tests with random examples, new ones at each run, ten times over
+	TRIES=most $(BIN)/pytest -q --numprocesses $$(nproc) --dist worksteal $$(grep -rlE 'tries\(.*most=' tests --include='test_*.py')
 	for round in 1 2 3 4 5 6 7 8 9 10; do \
 		$(BIN)/pytest -q -m hypothesis --hypothesis-profile fuzz --numprocesses $$(nproc) --dist worksteal || exit 1; done
 

@@ -16,7 +16,7 @@ from tests.browser import Browser, chromium
 
 # Machines are shared: how long an example takes says nothing. `make test` tries the same examples everywhere;
 # `make fuzz` looks for new ones, and each failure that it finds becomes an `@example`.
-settings.register_profile("ours", deadline=None, derandomize=True)
+settings.register_profile("ours", deadline=None, derandomize=True, max_examples=50)
 settings.register_profile("fuzz", deadline=None, max_examples=1000, print_blob=True)
 settings.load_profile("ours")
 

@@ -1,8 +1,11 @@
-"""How many moments of chance a test tries: a few in `make test`, as many as ``TRIES`` says in `make claims`."""
+"""How much of a campaign a test tries: a share in `make test`, all of it in `make fuzz`, what TRIES says elsewhere."""
 
 import os
 
 
-def tries(usual: int) -> int:
-    """Return how many moments are tried."""
-    return int(os.environ.get("TRIES", str(usual)))
+def tries(usual: int, most: int | None = None) -> int:
+    """Return how many are tried: ``usual``, as many as TRIES of the environment says, or ``most`` where it says "most"."""
+    asked = os.environ.get("TRIES", "")
+    if asked == "most":
+        return most or usual
+    return int(asked or usual)

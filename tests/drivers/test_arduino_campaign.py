@@ -19,6 +19,7 @@ from drivers.errors import DriverError, NotConnected
 from drivers.link import Link, Talker
 from drivers.pantilt import CATCH_UP
 from drivers.virtual.rodney import ATTACHED, VirtualRodney
+from tests.tries import tries
 
 SPEED = 120
 """Degrees per second, as in the robot files."""
@@ -29,7 +30,7 @@ RAMP = SPEED * (FRESH + CATCH_UP) + 2
 KERNEL = 4095
 """Bytes that the kernel keeps for who does not read."""
 
-TRIALS = 500
+TRIALS = tries(125, most=500)
 
 BOARDS: dict[str, Callable[[], VirtualRodney]] = {
     "first sketch, Nano": lambda: VirtualRodney(logs=True, starts=ATTACHED, boot_delay=1.0),

@@ -20,6 +20,7 @@ from drivers.errors import NotConnected
 from drivers.virtual.servo import VirtualServo
 from tests.drivers.chains import mixed_chain
 from tests.drivers.lines import DirectLine
+from tests.tries import tries
 
 MODELS = ("AX-12A", "MX-28", "XL430-W250")
 WITHIN = 0.5
@@ -124,7 +125,7 @@ def hold(arm: Quiet, chance: Random) -> None:
 def test_whenever_its_program_falls_silent_the_arm_is_at_rest_within_half_a_second(begin: Begin) -> None:
     chance = Random(15)  # noqa: S311 - chance, not a secret
     took = []
-    for _ in range(40):
+    for _ in range(tries(12, most=40)):
         arm = Quiet()
         arm.joints.hold()
         begin(arm, chance)
@@ -134,7 +135,7 @@ def test_whenever_its_program_falls_silent_the_arm_is_at_rest_within_half_a_seco
         took.append(arm.rests_after())
     assert max(took) <= WITHIN
     if begin is not hold:
-        assert sorted(took)[20] > 0.05, "it hardly ever moved: nothing was tried"
+        assert sorted(took)[len(took) // 2] > 0.05, "it hardly ever moved: nothing was tried"
 
 
 def test_a_very_slow_joint_ends_within_a_degree_or_two() -> None:

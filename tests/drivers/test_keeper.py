@@ -30,8 +30,9 @@ from missions.order import RunRequest
 from missions.runner import Runner
 from tests.drivers.cranked import PERIOD, HandWire, pass_until
 from tests.drivers.damaged import MISHAPS, Damaged
+from tests.tries import tries
 
-TRANSACTIONS = 10_000
+TRANSACTIONS = tries(2500, most=10_000)
 SPEED = 120
 STEP = SERVO_SPEED * 0.02 + 1
 """Degrees of the widest step: what a keeper leads a servo between two looks at the time, in whole degrees."""
@@ -241,7 +242,7 @@ def test_unplugged_in_mid_move_and_plugged_in_again_all_stays_at_rest_until_it_i
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_ten_thousand_questions_with_every_mishap_both_ways_and_no_wrong_value(bench: Bench, seed: int) -> None:
+def test_thousands_of_questions_with_every_mishap_both_ways_and_no_wrong_value(bench: Bench, seed: int) -> None:
     random = Random(seed)  # noqa: S311 - it must be repeatable, and guards nothing
     bench.start()
     sent: set[tuple[int, int]] = set()
@@ -273,10 +274,10 @@ def test_ten_thousand_questions_with_every_mishap_both_ways_and_no_wrong_value(b
     assert set(taken) <= sent
     assert len(taken) > 0.5 * TRANSACTIONS
     assert bench.servos.widest <= STEP
-    assert bench.base.health().counters["malformed"] > 100
+    assert bench.base.health().counters["malformed"] > TRANSACTIONS / 100
     assert lost == 0
     for faults in (wheels.faults, servos.faults):
-        assert min(faults.happened[kind] for kind in MISHAPS) > 20
+        assert min(faults.happened[kind] for kind in MISHAPS) > TRANSACTIONS / 500
     bench.car_wire.distort = bench.head_wire.distort = bytes
     bench.head.look(HeadPose(radians(33), radians(7)))
     bench.passes(4.0 + PERIOD)

@@ -21,11 +21,12 @@ from drivers.pantilt import CATCH_UP
 from drivers.sim.timeline import Timeline
 from tests.drivers.cranked import HandWire, pass_until
 from tests.drivers.damaged import MISHAPS, Damaged
+from tests.tries import tries
 
 ROOT = Path(__file__).parents[2]
 SKETCH = ROOT / "docs/keeper_head/keeper_head.ino"
 HOST = Path(__file__).parent / "sketch"
-TRANSACTIONS = 10_000
+TRANSACTIONS = tries(2500, most=10_000)
 SPEED = 120
 STEP = 3
 """Degrees of the widest step: one that the sketch makes, and two that it made unheard before it began anew."""
@@ -234,7 +235,7 @@ def test_the_next_program_knows_where_its_servos_were_left(bench: Bench, tmp_pat
     assert bench.board.widest <= STEP
 
 
-def test_ten_thousand_questions_with_every_mishap_and_resets_and_no_leap(bench: Bench) -> None:
+def test_thousands_of_questions_with_every_mishap_and_resets_and_no_leap(bench: Bench) -> None:
     random = Random(5)  # noqa: S311 - it must be repeatable, and guards nothing
     bench.start()
     damaged = Damaged(bench.wire, seed=5)
@@ -249,7 +250,7 @@ def test_ten_thousand_questions_with_every_mishap_and_resets_and_no_leap(bench: 
             bench.passes(1.0)
     assert reports >= TRANSACTIONS
     assert bench.board.widest <= RAMP
-    assert bench.board.starts > 5
+    assert bench.board.starts > TRANSACTIONS / 2000
     assert len(bench.board.sent) > TRANSACTIONS / 2
-    assert bench.head.health().counters["malformed"] > 100
-    assert min(damaged.faults.happened[kind] for kind in MISHAPS) > 50
+    assert bench.head.health().counters["malformed"] > TRANSACTIONS / 100
+    assert min(damaged.faults.happened[kind] for kind in MISHAPS) > TRANSACTIONS / 200

@@ -16,10 +16,11 @@ from drivers.waveshare import wire
 from drivers.waveshare.driver import HEARTBEAT, WaveshareBase
 from tests.drivers.cranked import HandWire, pass_until
 from tests.drivers.fault_injection import FaultInjection
+from tests.tries import tries
 
 TRACK = 0.2
 
-TRANSACTIONS = 10_000
+TRANSACTIONS = tries(2500, most=10_000)
 
 
 class Bench:
@@ -237,7 +238,7 @@ def test_unplugged_in_mid_move_and_plugged_in_again_it_stays_at_rest(bench: Benc
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_ten_thousand_reports_with_every_mishap_and_no_wrong_value(bench: Bench, seed: int) -> None:
+def test_thousands_of_reports_with_every_mishap_and_no_wrong_value(bench: Bench, seed: int) -> None:
     """A digit that turns over makes another number, which no checksum tells: the middle one of five does.
 
     What is told is what a wheel did within the last quarter of a second: a digit that turned over within that is none.
@@ -279,8 +280,9 @@ def test_ten_thousand_reports_with_every_mishap_and_no_wrong_value(bench: Bench,
         most = max(most, bench.base.health().counters["malformed"])
     assert believed > 0.9 * TRANSACTIONS
     assert wrong == 0
-    assert most > 100
-    assert min(faults.happened[kind] for kind in ("drop", "truncate", "flip", "split", "late", "noise", "echo")) > 50
+    assert most > TRANSACTIONS / 100
+    kinds = ("drop", "truncate", "flip", "split", "late", "noise", "echo")
+    assert min(faults.happened[kind] for kind in kinds) > TRANSACTIONS / 200
     end = bench.base.state().value
     assert end is not None
     assert end.pose.x == pytest.approx(bench.rover.pose(bench.clock.now()).x, abs=0.5)

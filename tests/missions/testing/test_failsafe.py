@@ -15,7 +15,7 @@ from missions.testing.failsafe.settings import CHOICES, NOTHING, Setting, keys_f
 from tests.drivers.cranked import HandWire
 from tests.tries import tries
 
-SETTINGS = tries(40)
+SETTINGS = tries(20, most=200)
 SOON, NEAR = 0.1, 0.03
 """Seconds and metres by which a wire, and a driver that looks at it 200 times a second, may differ from a twin."""
 
