@@ -106,8 +106,8 @@ def of_kind(line: str) -> str:
     return "terminal" if line.endswith("--view") else kinds.get(line.split(maxsplit=1)[0], "nothing")
 
 
-PACED = ("run greet --param greeting", "run to_and_fro.yaml --json")
-"""Commands that are tried in real time, as whoever types them sees them."""
+PACED = "run to_and_fro.yaml --json"
+"""The command that is tried in real time, as whoever types it sees it; so is the one that is seen on a terminal."""
 
 
 def hurried(line: str) -> list[str]:

@@ -141,11 +141,10 @@ def test_the_level_of_the_simulation_may_be_left_out(capsys: pytest.CaptureFixtu
     assert "add --simulate fast" in outcome.err
 
 
-@pytest.mark.parametrize("name", ["film.webm", "film.avi"])
-def test_a_run_can_be_filmed(tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
-    outcome = command(capsys, "run", "motions/spin_left", "--film", str(tmp_path / name), "--json")
+def test_a_run_can_be_filmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    outcome = command(capsys, "run", "motions/spin_left", "--film", str(tmp_path / "film.avi"), "--json")
     seconds = json.loads(outcome.out)["seconds"]
-    film = cv2.VideoCapture(str(tmp_path / name))
+    film = cv2.VideoCapture(str(tmp_path / "film.avi"))
     assert film.get(cv2.CAP_PROP_FRAME_COUNT) == pytest.approx(12.5 * seconds, abs=2)
     film.release()
 

@@ -30,11 +30,8 @@ def served() -> Iterator[Served]:
         yield found
 
 
-@pytest.mark.parametrize("size", [PHONE, DESKTOP])
-def test_greet_is_run_from_its_form_watched_and_looked_at_again(
-    browser: Browser, served: Served, size: tuple[int, int]
-) -> None:
-    page = Page(browser, served, size=size)
+def test_greet_is_run_from_its_form_watched_and_looked_at_again(browser: Browser, served: Served) -> None:
+    page = Page(browser, served, size=PHONE)
     tab = page.tab
     assert tab.evaluate("location.search") == ""  # the token is not to be seen any more
     page.wait_for("Look for a face, track it, greet it.")
