@@ -4,7 +4,7 @@ import os
 
 
 def tries(usual: int, most: int | None = None) -> int:
-    """Return how many are tried: ``usual``, as many as TRIES of the environment says, or ``most`` where it says "most"."""
+    """Return ``usual``, as many as TRIES of the environment says, or ``most`` where it says "most"."""
     asked = os.environ.get("TRIES", "")
     if asked == "most":
         return most or usual

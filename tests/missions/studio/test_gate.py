@@ -33,8 +33,6 @@ from tests.missions.studio.running import DRIVING, run_of
 from tests.missions.studio.serving import PATIENCE, Client, Served, studio
 from tests.waiting import wait_until
 
-pytestmark = pytest.mark.real_time
-
 ROUTES = {
     "/ws": "/ws",
     "/": "/",
@@ -131,6 +129,7 @@ def test_a_websocket_opens_with_a_cookie_and_its_own_page_alone(served: Served) 
         assert json.loads(client.recv(timeout=PATIENCE))["role"] == "viewer"
 
 
+@pytest.mark.real_time
 def test_who_tries_many_wrong_tokens_has_to_wait_and_who_is_in_stays_in() -> None:
     with studio() as served:
         cookie = served.cookie(served.operator)
@@ -204,6 +203,7 @@ def test_what_is_no_command_is_answered_by_name(served: Served, message: str, er
         assert client.ask("tasks")["ok"]
 
 
+@pytest.mark.real_time
 def test_messages_that_are_too_large_or_too_many_are_bounded(served: Served) -> None:
     with served.client(served.operator) as client, served.client(served.viewer) as other:
         client.socket.send("x" * (LARGEST + 1))
@@ -216,6 +216,7 @@ def test_messages_that_are_too_large_or_too_many_are_bounded(served: Served) -> 
         assert other.ask("stop")["ok"]
 
 
+@pytest.mark.real_time
 def test_floods_leave_room_for_who_is_in_take_no_memory_and_do_not_disturb_a_run(
     served: Served, tmp_path: Path
 ) -> None:
@@ -263,6 +264,7 @@ def _refused_after(connection: socket.socket, size: int) -> int:
     return sent
 
 
+@pytest.mark.real_time
 def test_a_second_request_has_no_longer_than_the_first(served: Served) -> None:
     with socket.create_connection(("127.0.0.1", served.port), timeout=PATIENCE) as connection:
         connection.sendall(f"GET / HTTP/1.1\r\nHost: {served.host}\r\n\r\n".encode())
@@ -272,6 +274,7 @@ def test_a_second_request_has_no_longer_than_the_first(served: Served) -> None:
             pass
 
 
+@pytest.mark.real_time
 def test_a_cookie_of_backslashes_takes_no_time_from_the_others(served: Served) -> None:
     clock = SystemClock()
     cookie = served.cookie(served.viewer)

@@ -21,8 +21,6 @@ from tests.missions.studio.serving import Served, studio
 from tests.missions.views.pictures.drawn import HOSTILE
 from tests.waiting import wait_until
 
-pytestmark = pytest.mark.real_time
-
 
 @pytest.fixture(scope="module")
 def served() -> Iterator[Served]:
@@ -30,6 +28,7 @@ def served() -> Iterator[Served]:
         yield found
 
 
+@pytest.mark.real_time
 def test_greet_is_run_from_its_form_watched_and_looked_at_again(browser: Browser, served: Served) -> None:
     page = Page(browser, served, size=PHONE)
     tab = page.tab
