@@ -2,7 +2,7 @@
 
 from behaviours.joint_motion import ON_ARM
 from behaviours.leaf import argument
-from behaviours.played import Played
+from behaviours.playing import Played
 from drivers.api import Gesture as Movement
 
 

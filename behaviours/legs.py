@@ -10,7 +10,7 @@ from behaviours.driving.motion import held_up
 from behaviours.joint_motion import RUN_IN
 from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import SUCCESS, argument
-from behaviours.played import Played
+from behaviours.playing import Played
 from behaviours.tracking_error import Sample
 from behaviours.walking import LAST_STEPS, Paces
 from drivers.api import FALLEN, BaseState, Pose2D, Posture

@@ -9,8 +9,7 @@ from py_trees.common import Status
 from behaviours.joint_motion import ON_ARM, RUN_IN
 from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import IDLE, SUCCESS, Leaf, argument, log
-from behaviours.played import Played
-from behaviours.playing import Playing
+from behaviours.playing import Played, Playing
 from behaviours.tracking_error import JointError, Sample, Tracking
 from drivers.api import Gesture as Movement
 from drivers.api import JointState, Reading

@@ -26,7 +26,6 @@ from missions.executive.executive import Executive, Result
 from missions.executive.frozen_tick import OnMoment
 from missions.executive.guard import Guard
 from missions.executive.lifeline import Lifeline
-from missions.executive.pace import Pace
 from missions.executive.signals import Signals
 from missions.executive.state import state_of
 from missions.executive.stop_latch import StopLatch
@@ -144,6 +143,7 @@ class Runner:
         """Return the run and the robot in simulated time."""
         from drivers.sim.timeline import Timeline  # noqa: PLC0415 - the metal imports no simulation
         from missions.assembly.twinning import twin_robot  # noqa: PLC0415
+        from missions.executive.pace import Pace  # noqa: PLC0415
 
         timeline = Timeline()
         run = Run(timeline.clock, seed=order.seed, wall=SystemClock())

@@ -13,7 +13,6 @@ one: each that answers costs two or three exchanges, each that has just fallen s
 
 from typing import TYPE_CHECKING
 
-from drivers.api.arrays import Angles, Image, Ranges, Samples
 from drivers.api.base import (
     BASE_RADIUS,
     FALLEN,
@@ -29,7 +28,6 @@ from drivers.api.base import (
     Sides,
     Tune,
 )
-from drivers.api.camera import Camera, CameraFrame
 from drivers.api.device import (
     Away,
     Curbed,
@@ -43,14 +41,23 @@ from drivers.api.device import (
     ignore,
 )
 from drivers.api.head import HEAD_ACCELERATION, Head, HeadLimits, HeadPose
-from drivers.api.imu import Attitude, Imu
 from drivers.api.joints import Coupling, Gesture, JointLimits, Joints, JointState, Keyframe
-from drivers.api.measures import Angle, Duration, Length
-from drivers.api.microphone import SOUND_RATE, Microphone, Sound
-from drivers.api.ranging import Ranger, RangeScan, wrapped
+from drivers.api.measures import Angle, Angles, Duration, Image, Length, Ranges, Samples
 from drivers.api.renamed import renamed
 from drivers.api.ros2 import GoalState, Progress, Ros2
 from drivers.api.screen import Mood, Screen, Shown
+from drivers.api.sensors import (
+    SOUND_RATE,
+    Attitude,
+    Camera,
+    CameraFrame,
+    Imu,
+    Microphone,
+    Ranger,
+    RangeScan,
+    Sound,
+    wrapped,
+)
 from drivers.api.steering import COMMAND_LIFE, STILL, Reflexes, Source, Steered, Steering, Velocity
 from drivers.api.voice import AS_USUAL, Manner, Mouth, MouthShape, Priority, Utterance, Voice
 

@@ -7,7 +7,7 @@ from threading import Lock
 import numpy as np
 
 from drivers.api import DeviceStatus, Health, Report, ignore
-from drivers.api.microphone import SOUND_RATE, Sound
+from drivers.api.sensors import SOUND_RATE, Sound
 from drivers.clock import Clock
 from drivers.guard import guarded
 from drivers.pipe import Message, Worker

@@ -8,8 +8,8 @@ import numpy as np
 
 from drivers.api.driver import Site
 from drivers.api.findings import Finding, warning, wrong
-from drivers.api.microphone import Microphone
 from drivers.api.senses import MicrophoneKeys
+from drivers.api.sensors import Microphone
 from drivers.microphone.make import sound_card
 
 LISTEN = 1.5

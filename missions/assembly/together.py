@@ -15,7 +15,6 @@ from drivers.clock import Clock, SystemClock
 from drivers.errors import BadRequest
 from missions.assembly.interests import Interests
 from missions.assembly.order import making_order
-from missions.library.places import places_of
 from perception.api import Frame, Gaze, View
 
 if TYPE_CHECKING:
@@ -88,8 +87,16 @@ def robot_of_parts(config: RobotConfig, parts: Mapping[str, object]) -> Robot:
     others = {
         name: Other(kind, parts[name], groups(config, name)) for name, kind in config.others.items() if name in parts
     }
-    places = {name: (it.x, it.y, it.heading, it.frame) for name, it in places_of(config).items()}
-    return Robot(**fields, others=others, eye=eye(config), groups=groups(config), places=places)
+    return Robot(**fields, others=others, eye=eye(config), groups=groups(config), places=_places(config))
+
+
+def _places(config: RobotConfig) -> Mapping[str, tuple[float, float, float, str]]:
+    """Return the places of a robot's map: x and y (m), heading (rad), and the frame; none for one that has no map."""
+    if "ros2" not in config.sections:
+        return {}
+    from missions.library.places import places_of  # noqa: PLC0415 - a robot without ROS 2 knows no map
+
+    return {name: (it.x, it.y, it.heading, it.frame) for name, it in places_of(config).items()}
 
 
 def groups(config: RobotConfig, part: str = "arm") -> Mapping[str, tuple[str, ...]]:

@@ -13,7 +13,7 @@ from drivers.clock import SystemClock, since_1970
 from drivers.errors import NotConnected
 from drivers.ros2.declared import ZenohKeys
 from missions.executive.events import Ended, Event, NodeChanged, PerceptSeen, Started, Ticked, VariableSet
-from missions.executive.plain import plain
+from missions.executive.json_lines import plain
 from missions.library.drivers import load_robot
 from missions.order import DEFAULT_ROBOT
 

@@ -3,15 +3,12 @@
 from collections.abc import Mapping
 from contextlib import suppress
 from types import TracebackType
-from typing import Self, TextIO
+from typing import TYPE_CHECKING, Self, TextIO
 
 from py_trees.common import Status
-from rich.live import Live
-from rich.text import Text
 
 from behaviours.leaf import Leaf
 from behaviours.node import Node
-from missions.cli.console import console
 from missions.executive.events import (
     CommandSent,
     Ended,
@@ -24,6 +21,10 @@ from missions.executive.events import (
     Started,
     Ticked,
 )
+from missions.views.printable import printable, terminal
+
+if TYPE_CHECKING:
+    from missions.cli.console import LiveLines
 
 REFRESH = 0.1
 """Seconds between two drawings of the live line."""
@@ -42,13 +43,48 @@ REFLEXES = {
 """What a person wants to know at once, in words; cliffs and wheel drops are told as faults."""
 
 
+Part = str | tuple[str, str]
+"""A piece of a line: a text, or a text and its style."""
+
+
+class PlainLines:
+    """Lines of a file or a pipe: without colours, and with none below them that is drawn anew."""
+
+    moves = False
+
+    def __init__(self, out: TextIO) -> None:
+        self._out = terminal(out)
+
+    def start(self) -> None:
+        """Do nothing."""
+
+    def stop(self) -> None:
+        """Do nothing."""
+
+    def print(self, *parts: Part) -> None:
+        """Write a line."""
+        self._out.write(printable("".join(part if isinstance(part, str) else part[0] for part in parts)) + "\n")
+        self._out.flush()
+
+    def show(self, line: str) -> None:
+        """Do nothing."""
+
+
+def lines_on(out: TextIO) -> "PlainLines | LiveLines":
+    """Return the lines of a terminal, or of what is none."""
+    if not out.isatty():
+        return PlainLines(out)
+    from missions.cli.console import LiveLines  # noqa: PLC0415 - most runs of a robot have no terminal
+
+    return LiveLines(out)
+
+
 class Watcher:
     """A listener that shows a run on a terminal, or as plain lines where there is none."""
 
     def __init__(self, out: TextIO) -> None:
         self._leaves: dict[str, Leaf] = {}
-        self._console = console(out, soft_wrap=True)
-        self._live = Live(console=self._console, auto_refresh=False, transient=True) if out.isatty() else None
+        self._lines = lines_on(out)
         self._drawn = -REFRESH
         self._started: dict[str, float] = {}
         self._there: list[str] = []  # parts, until the first tick
@@ -59,8 +95,7 @@ class Watcher:
         self._leaves = {node.key: node for node in root.iterate() if isinstance(node, Leaf)}
 
     def __enter__(self) -> Self:
-        if self._live is not None:
-            self._live.start()
+        self._lines.start()
         return self
 
     def __exit__(
@@ -68,14 +103,13 @@ class Watcher:
     ) -> None:
         # Where the terminal has gone, rich raises, even SystemExit: nobody is there to see it.
         with suppress(OSError, ValueError, SystemExit):
-            if self._live is not None:
-                self._live.stop()
+            self._lines.stop()
 
     def __call__(self, event: Event) -> None:
         """Show one event."""
         match event:
             case Started():
-                self._console.print(Text.assemble(("mission ", "bold"), event.mission, f" on {event.robot}"))
+                self._lines.print(("mission ", "bold"), event.mission, f" on {event.robot}")
                 self._prepare()
             case NodeChanged() if event.kind:
                 self._node(event)
@@ -88,7 +122,7 @@ class Watcher:
             case Logged():
                 self._log(event)
             case Notified():
-                self._console.print(Text.assemble(("  notice: ", "bold green"), event.text))
+                self._lines.print(("  notice: ", "bold green"), event.text)
             case Ticked():
                 self._tick(event.t)
             case Ended() if event.result != "error":  # an error is told by the command itself, with what to try
@@ -98,13 +132,13 @@ class Watcher:
 
     def _prepare(self) -> None:
         """Show, until the first tick, which parts of the robot are there."""
-        if self._live is not None and not self._ready:
+        if not self._ready:
             there = f": {', '.join(self._there)}" if self._there else ""
-            self._live.update(Text(f"  getting ready{there}", no_wrap=True, overflow="ellipsis"), refresh=True)
+            self._lines.show(f"  getting ready{there}")
 
     def _tick(self, time: float) -> None:
         if not self._ready and time > SOON:
-            self._console.print(Text(f"{time:6.1f} s  ready"))
+            self._lines.print(f"{time:6.1f} s  ready")
         self._ready = True
         if time - self._drawn >= REFRESH:
             self._draw(time)
@@ -118,58 +152,51 @@ class Watcher:
         if began is None or event.node not in self._leaves:
             return
         sign, style = SIGNS[event.status]
-        line = Text.assemble(f"{event.t:6.1f} s  ", (sign, style), f" {event.name}")
         note = "halted" if event.status == "idle" else event.reason if event.status == "failure" else ""
-        line.append(f"  ({event.t - began:.1f} s{', ' + note if note else ''})", "dim")
-        self._console.print(line)
+        took = (f"  ({event.t - began:.1f} s{', ' + note if note else ''})", "dim")
+        self._lines.print(f"{event.t:6.1f} s  ", (sign, style), f" {event.name}", took)
 
     def _fault(self, event: FaultRaised) -> None:
         if event.what == "online":
             self._there.append(event.part)
             self._prepare()
             if "http:" in event.detail:  # where the page with its face is
-                self._console.print(Text(f"  {event.plain}"))
+                self._lines.print(f"  {event.plain}")
             return
-        line = Text.assemble(f"{event.t:6.1f} s  ", ("!", "yellow"), f" {event.part}: {event.plain}")
-        if event.hint:
-            line.append(f"\n            try: {event.hint}")
-        self._console.print(line)
+        hint = f"\n            try: {event.hint}" if event.hint else ""
+        self._lines.print(f"{event.t:6.1f} s  ", ("!", "yellow"), f" {event.part}: {event.plain}{hint}")
 
     def _face(self, values: Mapping[str, object]) -> None:
         """Show what is seen of the robot's face: for whoever has no display before them."""
         if "mood" in values:
-            self._console.print(Text.assemble(("  face: ", "bold cyan"), str(values["mood"])))
+            self._lines.print(("  face: ", "bold cyan"), str(values["mood"]))
         if values.get("show"):
-            self._console.print(Text.assemble(("  shows: ", "bold cyan"), str(values["show"])))
+            self._lines.print(("  shows: ", "bold cyan"), str(values["show"]))
 
     def _reflex(self, event: ReflexFired) -> None:
         what = f" base: {REFLEXES[event.what]}" + (f": {event.where}" if event.where else "")
-        self._console.print(Text.assemble(f"{event.t:6.1f} s  ", ("!", "yellow"), what))
+        self._lines.print(f"{event.t:6.1f} s  ", ("!", "yellow"), what)
 
     def _log(self, event: Logged) -> None:
         if event.level == "voice":
-            self._console.print(Text.assemble(("  robot: ", "bold cyan"), event.text))
+            self._lines.print(("  robot: ", "bold cyan"), event.text)
         elif event.level == "person":
             who, _, words = event.text.partition(": ")
-            self._console.print(Text.assemble((f"  {who}: ", "bold magenta"), words))
+            self._lines.print((f"  {who}: ", "bold magenta"), words)
         else:
             style = {"info": "dim", "warning": "yellow"}.get(event.level, "red")
-            self._console.print(Text.assemble(f"{event.t:6.1f} s  ", (f"{event.level}: ", style), event.text))
+            self._lines.print(f"{event.t:6.1f} s  ", (f"{event.level}: ", style), event.text)
 
     def _draw(self, time: float) -> None:
         self._drawn = time
-        if self._live is None:
+        if not self._lines.moves:
             return
         running = [leaf for leaf in self._leaves.values() if leaf.status is Status.RUNNING]
         words = [f"{leaf.name}: {leaf.reason}" if leaf.reason else leaf.name for leaf in running]
-        line = Text(f"{time:6.1f} s  > {' | '.join(words)}", no_wrap=True, overflow="ellipsis")
-        self._live.update(line, refresh=True)
+        self._lines.show(f"{time:6.1f} s  > {' | '.join(words)}")
 
     def _end(self, event: Ended) -> None:
-        if self._live is not None:
-            self._live.update(Text(""), refresh=True)
+        self._lines.show("")
         sign, style = SIGNS.get(event.result, ("✗", "yellow"))
-        line = Text.assemble((f"{sign} {event.mission}: {event.result}", style), f" after {event.seconds:.1f} s")
-        if event.reason:
-            line.append(f": {event.reason}")
-        self._console.print(line)
+        reason = f": {event.reason}" if event.reason else ""
+        self._lines.print((f"{sign} {event.mission}: {event.result}", style), f" after {event.seconds:.1f} s{reason}")

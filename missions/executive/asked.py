@@ -20,9 +20,8 @@ from drivers.api.driver import resolved
 from drivers.api.kinds import KINDS
 from drivers.api.marks import commands
 from missions.executive.answers import Answers
-from missions.executive.proxy import Permit, always, for_leaf, proxied
+from missions.executive.proxy import Permit, Tell, always, for_leaf, proxied
 from missions.executive.speaking import voice_proxy
-from missions.executive.told import Tell
 
 FIELDS = tuple(kind.field for kind in KINDS.values())
 """The parts by their names in answers."""

@@ -13,10 +13,9 @@ from drivers.api.kinds import SOUNDING
 from drivers.api.quick import dataclass
 from missions.executive.answers import Answers
 from missions.executive.events import STATUS_WORDS, Ended, Notified, Started, Stream, Ticked
-from missions.executive.frozen_tick import FrozenTick, OnMoment
+from missions.executive.frozen_tick import Changes, FrozenTick, OnMoment
 from missions.executive.guard import Guard
 from missions.executive.tick_record import TickRecord
-from missions.executive.variables import Changes
 
 HALT_TIME = 2.0
 """Seconds that leaves have to stop cleanly at the end of a run; then their actuators are brought to rest anyway."""

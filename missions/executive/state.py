@@ -12,8 +12,7 @@ from drivers.api import BaseState, HeadPose, RangeScan, Reading
 from drivers.api.quick import dataclass
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from missions.executive.battery import BatteryWatch
-from missions.executive.guard import Guard
+from missions.executive.guard import BatteryWatch, Guard
 from perception.api import Face
 
 T = TypeVar("T")

@@ -12,10 +12,8 @@ from config.marked import Listing, Mapping, Node, Scalar
 from config.synonyms import key_meant
 from config.units import EXAMPLES, UNITS, Quantity, quantity, seen, written
 from drivers.api.kinds import SEVERAL
-from missions.language.faces import KIND as FACE
-from missions.language.faces import as_face, read_face
-from missions.language.finding import finder
-from missions.language.misread import check_text
+from missions.language.finding import KIND as FACE
+from missions.language.finding import as_face, check_text, finder, read_face
 from missions.language.modifiers import outdent
 from missions.language.notes import Notes
 from missions.language.phrases import KIND as PHRASES

@@ -5,7 +5,6 @@ from functools import partial
 
 from config.dimensions import NUMBER
 from config.faults import Diagnostic, note
-from missions.language.cases import misfit_cases
 from missions.language.fitting import mismatches
 from missions.language.for_each import Members, own_steps
 from missions.language.inference import kind_made
@@ -14,6 +13,7 @@ from missions.language.nodes import FOR_EACH, MISSION, SWITCHES
 from missions.language.notes import Notes
 from missions.language.param_types import param_kind
 from missions.language.plan import Hole, Step
+from missions.language.switches import misfit_cases
 from missions.language.values import Value
 
 Kinds = Mapping[str, Kind]

@@ -12,10 +12,9 @@ from config.gesture import load_gesture
 from config.kinds import KEYS
 from config.library import shipped
 from config.marked import Mapping, Scalar, compose, read_source
-from missions.language.body import IF_INTERRUPTED
+from missions.language.body import FORMS, IF_INTERRUPTED, PROPERTIES
 from missions.language.nodes import MISSION
 from missions.language.param_types import LIST, TYPES
-from missions.language.properties import FORMS, PROPERTIES
 from missions.library.catalogue import sentence
 from missions.library.shipped import shipped_missions
 from missions.schema.nodes import NODE, RESULTS, definitions

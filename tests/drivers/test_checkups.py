@@ -11,8 +11,8 @@ import pytest
 from drivers.api import Health, Image
 from drivers.api.driver import Site
 from drivers.api.findings import Finding
-from drivers.api.microphone import Sound
 from drivers.api.senses import CameraKeys
+from drivers.api.sensors import Sound
 from drivers.camera.checkup import checkup as look_through
 from drivers.clock import ManualClock, SystemClock
 from drivers.dynamixel.checkup import checkup as examine

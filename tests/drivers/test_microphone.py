@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.api import DeviceStatus
-from drivers.api.microphone import SOUND_RATE
+from drivers.api.sensors import SOUND_RATE
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NotConnected
 from drivers.microphone import captured

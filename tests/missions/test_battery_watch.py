@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.executive.battery import CONFIRM, HYSTERESIS, BatteryWatch
+from missions.executive.guard import CONFIRM, HYSTERESIS, BatteryWatch
 
 
 def test_one_low_reading_is_no_low_battery() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import Leaf
-from missions.executive.plain import plain
+from missions.executive.json_lines import plain
 from missions.records.recording.codec import from_json, to_json
 from missions.testing.recorders import face
 from perception.api import Face

@@ -13,9 +13,8 @@ from behaviours.run import Run
 from drivers.api import HeadPose
 from drivers.clock import ManualClock
 from missions.executive.events import Event, Stream, VariableSet
-from missions.executive.json_lines import JsonLines
-from missions.executive.plain import plain
-from missions.executive.variables import Changes
+from missions.executive.frozen_tick import Changes
+from missions.executive.json_lines import JsonLines, plain
 
 
 class Leaf(Node):

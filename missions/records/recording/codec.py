@@ -24,7 +24,7 @@ from typing import Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_ty
 
 import drivers.api
 import perception.api
-from drivers.api.arrays import Array
+from drivers.api.measures import Array
 from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply, NotConnected
 
 T = TypeVar("T")

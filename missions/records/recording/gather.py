@@ -1,11 +1,9 @@
-"""What stands at the beginning of a record: which files a run was made of, on what, and with which versions."""
+"""What stands at the beginning of a record: which files a run was made of, and on what."""
 
 import hashlib
 import json
-import platform
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from config.faults import InvalidFileError, Source
@@ -27,9 +25,6 @@ from perception.faults import MAX_MODEL
 
 KINDS = ("mission", "world", "gesture", "gait", "controller", "object", "move", "robot")
 """What the files of a run are, by the first of these words that stands in one as a key."""
-
-PACKAGES = ("missiontree", "py-trees", "opencv-python-headless", "numpy", "mcap")
-"""The versions that may make a difference."""
 
 
 def contents_of(
@@ -64,7 +59,6 @@ def contents_of(
         eyes="" if "camera" not in chosen else order.eyes if simulation == "fast" else "pixels",
         rate=config.rate,
         started=started.isoformat(),
-        versions=_versions(),
         command=tuple(command),
         parts=tuple(sorted(chosen)),
         values={name: shown(value) for name, value in plan.params.items()},
@@ -112,16 +106,6 @@ def _world(order: RunRequest) -> str:
             return name or DEFAULT_WORLD
         case world:
             return world.name
-
-
-def _versions() -> dict[str, str]:
-    found = {"python": platform.python_version(), "platform": platform.platform()}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:  # as missiontree itself is, run from a checkout
-            continue
-    return found
 
 
 def _models(config: RobotConfig) -> dict[str, str]:

@@ -32,6 +32,7 @@ class Head:
     them as they turned out. ``simulate`` is empty for a real robot; ``eyes`` are ``pixels`` or ``truth``, and empty
     without a camera. ``rate`` is in ticks a second. ``started`` is the time of day (ISO 8601, UTC) at which the run's
     clock showed 0. ``parts`` are those of the robot that the mission has to do with, ``eye`` where its camera sits (m).
+    ``versions`` are found out by the process that writes the record, where they are not told.
     ``behaviours`` are the attachments with leaves of the user's own, ``paths`` where every attached file was found,
     ``models`` the SHA-256 of files too large to attach. ``command`` is what was typed. ``mocks`` are the leaves that a
     test had replaced. ``lag`` is how long (s) the base takes to begin, as earlier runs had learnt it.
@@ -47,9 +48,9 @@ class Head:
     eyes: str
     rate: float
     started: str
-    versions: Mapping[str, str]
     command: tuple[str, ...]
     parts: tuple[str, ...]
+    versions: Mapping[str, str] = field(default_factory=dict)
     values: Mapping[str, str] = field(default_factory=dict)
     behaviours: tuple[str, ...] = ()
     paths: Mapping[str, str] = field(default_factory=dict)

@@ -9,12 +9,14 @@ import fcntl
 import json
 import os
 import pickle
+import platform
 import select
 import signal
 import sys
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +42,9 @@ NICE = 5
 
 UNREAD = "(unread)"
 """Under which name a batch is counted of which nobody can tell what was in it."""
+
+PACKAGES = ("missiontree", "py-trees", "opencv-python-headless", "numpy", "mcap")
+"""The versions that may make a difference."""
 
 _BLOCK = 1 << 18
 
@@ -147,7 +152,19 @@ def _contents(batch: bytes) -> Contents:
     (contents,) = unpacked(batch)
     if not isinstance(contents, Contents):
         raise TypeError(f"a record begins with its contents, not with {type(contents).__name__}")
-    return contents
+    head = contents.head
+    return replace(contents, head=replace(head, versions=head.versions or versions()))
+
+
+def versions() -> dict[str, str]:
+    """Return with what a run was made: found out here, where it holds up no start."""
+    found = {"python": platform.python_version(), "platform": platform.platform()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:  # as missiontree itself is, run from a checkout
+            continue
+    return found
 
 
 def _take(writer: RecordWriter, batch: bytes) -> None:

@@ -9,6 +9,7 @@ records anew those that today's tree decides otherwise, tells what has changed, 
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -58,7 +59,7 @@ def keep(name: str, path: Path) -> None:
         runner = Runner(order, listeners=[recorder], on_moment=recorder.moment)
     recorder.watch(runner.root)
     contents = contents_of(order, runner.plan, runner.config, files, started=time_of_day())
-    head = replace(contents.head, paths={}, versions={"missiontree": contents.head.versions["missiontree"]})
+    head = replace(contents.head, paths={}, versions={"missiontree": version("missiontree")})
     recorder.open(replace(contents, head=head), runner.clock)
     try:
         runner.run()

@@ -29,6 +29,7 @@ from missions.executive.events import Event, FaultRaised, Started, VariableSet
 from missions.records.recording.budget import FRAMES, LIMIT
 from missions.records.recording.head import Contents
 from missions.records.recording.outlet import CannotRecordError
+from missions.records.recording.read import open_record
 from missions.records.recording.recorder import Recorder
 from perception.api import Gaze, View
 from tests.missions.records.recording.small_record import FILES, HEAD, face, items, moments
@@ -74,6 +75,13 @@ def writer_of(recorder: Recorder) -> int:
     process = recorder._outlet._process
     assert process is not None
     return process.pid
+
+
+def test_a_record_says_with_which_versions_it_was_made(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "a.mcap") as recorder:
+        recorder.open(Contents(replace(HEAD, versions={}), FILES), SystemClock())
+    found = open_record(tmp_path / "a.mcap").head.versions
+    assert {"python", "py-trees", "numpy"} <= found.keys()
 
 
 def test_all_that_is_handed_over_is_in_the_record(tmp_path: Path) -> None:

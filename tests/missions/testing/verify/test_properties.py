@@ -3,8 +3,8 @@
 import pytest
 
 from config.faults import InvalidFileError
+from missions.language.body import FORMS, PROPERTIES
 from missions.language.plan import Property
-from missions.language.properties import FORMS, PROPERTIES
 from tests.missions.testing.verify.exploring import plan_of
 
 TREE = """

@@ -28,9 +28,9 @@ HEAD = Head(
     "truth",
     20.0,
     "2026-11-21T14:03:00+00:00",
-    {"missiontree": "0.1.0"},
     ("mission", "run", "greet"),
     ("head", "camera"),
+    {"missiontree": "0.1.0"},
 )
 
 
