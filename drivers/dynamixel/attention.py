@@ -6,18 +6,24 @@ from math import inf, radians
 from drivers.dynamixel import pace
 from drivers.dynamixel.joint import Joint
 
-RESTING = 0.1
+RESTING = 0.2
 """Seconds between readings of a joint at rest."""
 
-ASKED = 0.05
-"""Seconds between its readings while somebody asks for the states of joints."""
+ASKED = 0.1
+"""Seconds between its readings while somebody keeps asking for the states of joints: one that is held stays there."""
+
+LIMP = 0.05
+"""The same for one without torque, which anybody may turn."""
 
 LATELY = 0.25
-"""Seconds for which a question counts."""
+"""Seconds in which who keeps asking asks again, as a leaf does at each tick; a record asks twice a second."""
 
-MOVING = 0.02
-"""Seconds between readings of a joint on its way, or turned by hand; a joint that leads or follows is read as often
-as the arm's rate says."""
+SENT = 0.04
+"""Seconds between readings of a joint that goes where it was sent: its leg lasts for seven of them."""
+
+TURNED = 0.02
+"""Seconds between readings of one that is turned by hand; a joint that leads or follows is read as often as the arm's
+rate says."""
 
 STILL = radians(2)
 """rad/s: a joint that turns no faster is at rest."""
@@ -32,11 +38,17 @@ class Attention:
     def __init__(self, rate: float, most: float = RESTING) -> None:
         self._least = 1 / rate
         self._most = most
-        self._asked_at = -inf
+        self._asked_at = self._asked_since = -inf
 
-    def asked(self, now: float) -> None:
-        """Take note that somebody has asked for the states of joints."""
+    def asked(self, now: float) -> bool:
+        """Take note of a question for the states of joints; say whether somebody has kept asking for a while."""
+        if now - self._asked_at > LATELY:
+            self._asked_since = now
         self._asked_at = now
+        return now - self._asked_since > LATELY
+
+    def _keeps_asking(self, now: float) -> bool:
+        return self._asked_at > self._asked_since and now - self._asked_at <= LATELY
 
     def wanted(self, joints: Iterable[Joint], coupled: Collection[str], now: float) -> list[Joint]:
         """Return those of ``joints`` that are to be read now; ``coupled`` are those that lead or follow.
@@ -62,7 +74,12 @@ class Attention:
         """Return the seconds from one reading of a joint to the next."""
         if joint.name in coupled or joint.failures:
             return self._least
-        usual = MOVING if under_way(joint) else ASKED if now - self._asked_at <= LATELY else RESTING
+        if under_way(joint):
+            usual = SENT if joint.torque else TURNED
+        elif self._keeps_asking(now):
+            usual = ASKED if joint.torque else LIMP
+        else:
+            usual = RESTING
         return max(self._least, min(usual, self._most))
 
 

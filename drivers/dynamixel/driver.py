@@ -12,12 +12,12 @@ from math import inf
 from threading import Event, RLock
 from typing import Literal
 
-from drivers.api import Away, Coupling, DeviceStatus, Health, JointState, Quality, Reading, Report, ignore
+from drivers.api import Away, Coupling, DeviceStatus, Health, JointState, Reading, Report, ignore
 from drivers.clock import Clock
 from drivers.dynamixel.attention import RESTING, Attention
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.commanded import CommandedJoints
-from drivers.dynamixel.figures import counted, health_of
+from drivers.dynamixel.figures import counted, health_of, readings
 from drivers.dynamixel.joint import Joint, JointSpec, check
 from drivers.dynamixel.leading import Leading
 from drivers.dynamixel.models import MODELS
@@ -36,7 +36,7 @@ RETRY = 0.5
 """Seconds between attempts to open the port."""
 
 FRESH = 0.25
-"""Seconds after which a reading is stale."""
+"""Seconds after which a reading is stale; to who does not keep asking, ``RESTING`` later."""
 
 GO_ON = 0.01
 """Seconds between two looks at how far the joints are on their way, as often as the wire allows."""
@@ -187,21 +187,19 @@ class DynamixelJoints(CommandedJoints):
             return tuple(joint.name for joint in recover(self._bus, self._joints.values(), now=self._clock.now()))
 
     def states(self) -> Mapping[str, Reading[JointState]]:
-        """The newest state of each joint; stale after ``FRESH`` seconds without a reading."""
-        self._attention.asked(self._clock.now())
-        readings = {name: joint.reading for name, joint in self._joints.items()}
-        return {name: replace(reading, quality=self._quality(reading)) for name, reading in readings.items()}
+        """The newest state of each joint; stale after ``FRESH`` seconds without a reading.
+
+        Joints at rest are read more seldom while nobody keeps asking.
+        """
+        now = self._clock.now()
+        fresh = FRESH if self._attention.asked(now) else FRESH + RESTING
+        return readings(self._joints, since=now - fresh)
 
     def health(self) -> Health:
         """Say whether the arm is there: the port open, and at least one servo answering."""
         counters = counted(self._bus, self._joints, self._pace, connections=self._connections)
         health = health_of(self.name, self._bus, self._joints, self._watch, runs=self._loop.alive)
         return replace(health, counters=counters, returned=self._absence.returned)
-
-    def _quality(self, reading: Reading[JointState]) -> Quality:
-        if reading.value is None:
-            return Quality.NONE
-        return Quality.GOOD if self._clock.now() - reading.stamp <= FRESH else Quality.STALE
 
     def _require(self, asked: float) -> None:
         """Raise NotConnected unless what is told to a servo now lasts, and was ``asked`` since the arm was back."""

@@ -1,8 +1,9 @@
 """What an arm says of itself: whether it is there, what is wrong with it, and the figures of its wire."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
-from drivers.api import Health
+from drivers.api import Health, JointState, Quality, Reading
 from drivers.dynamixel.adapter import timer_of
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
@@ -40,3 +41,12 @@ def counted(bus: Bus, joints: Mapping[str, Joint], pace: Pace, *, connections: i
     for figure in ("tries", "misses", "corrupt", "late", "refused"):
         counters[figure] = sum(getattr(tally, figure) for tally in tallies.values())
     return counters | {f"misses of {name}": tally.misses for name, tally in tallies.items()}
+
+
+def readings(joints: Mapping[str, Joint], *, since: float) -> Mapping[str, Reading[JointState]]:
+    """Return the newest reading of each joint; those are stale that were taken before ``since``."""
+    newest = {name: joint.reading for name, joint in joints.items()}
+    return {
+        name: replace(reading, quality=Quality.STALE) if reading.good and reading.stamp < since else reading
+        for name, reading in newest.items()
+    }

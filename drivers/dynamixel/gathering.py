@@ -12,7 +12,7 @@ from drivers.dynamixel.register import Block
 from drivers.dynamixel.units import RETURN_DELAY_STEP
 from drivers.errors import BadRequest, NoReply
 
-IN_VAIN = 1.0
+IN_VAIN = 2.0
 """Seconds of group reads that bring nothing from servos that do answer, after which none is tried any more."""
 
 _ASKED = MappingProxyType({"single": 8, "bulk": 3, "sync": 1})

@@ -248,4 +248,4 @@ class Watch:
 
 def _interval(joint: Joint) -> float:
     """Return the seconds between two checks of a joint."""
-    return SOON if joint.unsettled else SLOWLY
+    return SOON if joint.unsettled else SLOWLY - RESTING  # it comes in the next round

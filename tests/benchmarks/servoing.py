@@ -16,7 +16,7 @@ from collections.abc import Iterator
 
 from drivers.api import Coupling
 from drivers.clock import SystemClock
-from drivers.dynamixel.attention import MOVING
+from drivers.dynamixel.attention import SENT
 from drivers.dynamixel.bus import At, Bus
 from drivers.dynamixel.driver import DynamixelJoints
 from drivers.dynamixel.joint import JointSpec
@@ -55,7 +55,7 @@ def rows() -> Iterator[Row]:
         period = min(round_time(port) for _ in range(RUNS))
         yield Row(f"{SERVOS} servos read, {SERVOS} goals, beside the wire", period, WIRE, period / WIRE, 1.3)
         period, share = map(min, zip(*(loop(port, SERVOS, RATE, moving=True) for _ in range(RUNS)), strict=True))
-        yield Row(f"{SERVOS} joints on their way: period", period, MOVING, period / MOVING, 1.05)
+        yield Row(f"{SERVOS} joints on their way: period", period, SENT, period / SENT, 1.05)
         yield Row(f"{SERVOS} joints on their way: share of a core", share, 1.0, share, 0.15)
     with chain(SERVOS - 1) as port:
         pairs = [(loop(port, SERVOS - 1, FASTEST), loop(port, SERVOS, FASTEST)) for _ in range(RUNS)]

@@ -7,7 +7,8 @@ from math import radians
 import pytest
 
 from drivers.api import Coupling, JointState, Quality, Reading
-from drivers.dynamixel.attention import ASKED, LATELY, MOVING, RESTING, Attention
+from drivers.dynamixel.attention import ASKED, LATELY, LIMP, RESTING, SENT, TURNED, Attention
+from drivers.dynamixel.driver import FRESH
 from drivers.dynamixel.joint import Joint, JointSpec
 from drivers.dynamixel.models import MODELS
 from tests.drivers.test_dynamixel_silence import Quiet
@@ -27,26 +28,52 @@ def period(found: Joint, attention: Attention | None = None, coupled: Collection
     return (attention or Attention(100.0)).next_at([found], coupled, now) - found.reading.stamp
 
 
-def test_a_joint_at_rest_is_read_ten_times_a_second_and_more_often_while_somebody_asks() -> None:
-    attention = Attention(100.0)
-    assert period(joint(), attention) == pytest.approx(RESTING)
-    attention.asked(5.0)
-    assert period(joint(), attention) == pytest.approx(ASKED)
-    assert period(joint(), attention, now=5.01 + LATELY) == pytest.approx(RESTING)
+@pytest.mark.parametrize(("torque", "asked"), [(True, ASKED), (False, LIMP)])
+def test_a_joint_at_rest_is_read_more_often_while_somebody_keeps_asking_above_all_a_limp_one(
+    torque: bool, asked: float
+) -> None:
+    attention, resting = Attention(100.0), joint(torque=torque)
+    assert not attention.asked(5.0)
+    assert period(resting, attention) == pytest.approx(RESTING)
+    assert not attention.asked(5.0 + LATELY)
+    assert period(resting, attention, now=5.0 + LATELY) == pytest.approx(asked)
+    assert attention.asked(5.1 + LATELY)
+    assert period(resting, attention, now=5.11 + 2 * LATELY) == pytest.approx(RESTING)
+    assert not attention.asked(5.11 + 2 * LATELY)
+
+
+def test_who_does_not_keep_asking_takes_a_reading_at_rest_for_fresh_and_who_does_none_as_old() -> None:
+    arm = Quiet("AX-12A")
+    arm.run(1.0)
+    seen = arm.joints.states()["a"].stamp
+    arm.wait(seen + FRESH + RESTING - 0.01 - arm.clock.now())
+    assert arm.joints.states()["a"].good
+    arm.wait(0.02)
+    assert arm.joints.states()["a"].quality is Quality.STALE
+    while arm.clock.now() < seen + 1.0:
+        arm.run(0.1)
+        assert arm.joints.states()["a"].good
+    seen = arm.joints.states()["a"].stamp
+    arm.wait(seen + LATELY - arm.clock.now())
+    assert arm.joints.states()["a"].good
+    arm.wait(0.02)
+    assert arm.joints.states()["a"].quality is Quality.STALE
 
 
 @pytest.mark.parametrize(
-    "found",
+    ("found", "seconds"),
     [
-        joint(state=replace(STILL, moving=True)),
-        joint(state=replace(STILL, velocity=radians(-5))),
-        joint(torque=True, goal=1.0, sent=600, sent_at=4.0),
-        joint(torque=True, goal=0.0, sent=512, sent_at=5.0),
+        (joint(state=replace(STILL, moving=True)), TURNED),
+        (joint(state=replace(STILL, velocity=radians(-5))), TURNED),
+        (joint(torque=True, goal=1.0, sent=600, sent_at=4.0), SENT),
+        (joint(torque=True, goal=0.0, sent=512, sent_at=5.0), SENT),
     ],
     ids=["it says that it moves", "turned by hand", "part of its way was sent", "sent since it was read"],
 )
-def test_a_joint_on_its_way_is_read_fifty_times_a_second(found: Joint) -> None:
-    assert period(found) == pytest.approx(MOVING)
+def test_a_joint_on_its_way_is_read_often_and_one_that_is_turned_by_hand_still_more(
+    found: Joint, seconds: float
+) -> None:
+    assert period(found) == pytest.approx(seconds)
 
 
 def test_a_joint_that_leads_or_follows_or_has_missed_a_reading_is_read_at_the_rate_of_the_arm() -> None:
@@ -61,9 +88,9 @@ def test_no_joint_is_read_more_often_than_the_rate_nor_more_seldom_than_an_absen
 
 
 def test_joints_that_are_nearly_due_are_read_along_with_one_that_is() -> None:
-    attention, a, b, c = Attention(100.0), joint("a", 5.0), joint("b", 5.02), joint("c", 5.06)
-    assert attention.wanted([a, b, c], (), 5.09) == []
-    assert attention.wanted([a, b, c], (), 5.1) == [a, b]
+    attention, a, b, c = Attention(100.0), joint("a", 5.0), joint("b", 5.04), joint("c", 5.12)
+    assert attention.wanted([a, b, c], (), 5.19) == []
+    assert attention.wanted([a, b, c], (), 5.2) == [a, b]
 
 
 def test_a_joint_whose_reading_took_a_while_is_due_in_the_nearest_round_all_the_same() -> None:
@@ -91,7 +118,7 @@ def test_an_arm_at_rest_is_read_seldom_and_a_joint_that_sets_out_is_read_often_a
     before = arm.tries()
     arm.run(0.6)
     moving, resting = (after - begun for after, begun in zip(arm.tries(), before, strict=True))
-    assert moving == pytest.approx(0.6 / MOVING, abs=6)
+    assert moving == pytest.approx(0.6 / SENT, abs=6)
     assert resting <= 0.6 / RESTING + 4
 
 

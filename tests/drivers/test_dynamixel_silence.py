@@ -10,7 +10,7 @@ import pytest
 
 from drivers.api import Away, Coupling, DeviceStatus, JointState, Quality, Reading
 from drivers.clock import ManualClock
-from drivers.dynamixel.attention import MOVING
+from drivers.dynamixel.attention import SENT
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.driver import DynamixelJoints
 from drivers.dynamixel.joint import Joint, JointSpec
@@ -242,7 +242,7 @@ def test_unplugged_the_arm_rests_on_its_way_and_is_held_there_when_it_is_back() 
     arm.run(0.5)
     arm.line.plugged = False
     with pytest.raises(NotConnected) as caught:
-        arm.run(1.5 * MOVING)
+        arm.run(1.5 * SENT)
     arm.joints._watch.lost(caught.value)
     assert arm.rests_after() <= WITHIN
     rested = arm.angles()

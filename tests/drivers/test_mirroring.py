@@ -90,7 +90,7 @@ def test_what_is_far_comes_over_slowly_then_follows_at_once(pair: Pair) -> None:
     while abs(pair.at() - 0.8) > 0.02:
         fastest = max(fastest, pair.speed_to(0.8))
         assert pair.follower.clock.now() - began < 3.0
-    assert fastest <= RUN_IN * 1.2  # a shaft is seen to 5 ms
+    assert fastest <= RUN_IN * 1.21  # a shaft is seen to 5 ms, an angle to a step
     late = []
     for step in range(300):  # a hand that swings by 30 degrees, once a second
         pair.turn(0.8 + radians(30) * sin(2 * pi * step / 100))
@@ -141,7 +141,7 @@ def test_a_follower_that_was_unplugged_in_mid_move_is_brought_over_anew_without_
     pair.follower.fresh()
     fastest = max(pair.speed_to(-0.9) for _ in range(300))
     assert pair.at() == pytest.approx(-0.9, abs=0.02)
-    assert fastest <= RUN_IN * 1.2  # a shaft is seen to 5 ms
+    assert fastest <= RUN_IN * 1.21  # a shaft is seen to 5 ms, an angle to a step
 
 
 def test_only_joints_that_there_are_can_be_attended_to(pair: Pair) -> None:
