@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from queue import SimpleQueue
+from threading import Event as Flag
 from threading import Thread
 from typing import ClassVar
 
@@ -188,6 +189,9 @@ Reset = tuple[float, int, Sequence[Node]]
 FAREWELL_TIME = 2.0
 """Seconds that slow listeners have, at the end of a run, to hear what is still to be told."""
 
+GATHER = 0.03
+"""Seconds from one telling to the next: what happens meanwhile wakes no thread."""
+
 MOST_WAITING = 200_000
 """What may wait for slow listeners; what comes on top is counted and lost."""
 
@@ -211,11 +215,13 @@ class Stream:
         self._waiting: deque[Event | Change | Reset] = deque()
         # Wakes the thread; False ends it. An Event would not do: its lock is not for a destructor that logs something.
         self._news: SimpleQueue[bool] = SimpleQueue()
+        self._ending = Flag()
         self._thread: Thread | None = None
 
     def open(self) -> None:
         """Start the thread that tells the listeners."""
         if self._thread is None:
+            self._ending.clear()
             self._thread = Thread(target=self._run, name="events", daemon=True)
             self._thread.start()
 
@@ -223,6 +229,7 @@ class Stream:
         """Tell what is still waiting, for ``FAREWELL_TIME`` at most. Safe more than once."""
         if self._thread is not None:
             self._news.put(False)
+            self._ending.set()
             self._thread.join(FAREWELL_TIME)
             if self._thread.is_alive():
                 self.lost.append("a listener that did not come to an end")
@@ -264,8 +271,12 @@ class Stream:
         go_on = True
         while go_on:
             go_on = self._news.get()
+            while not self._news.empty():
+                go_on &= self._news.get()
             while self._waiting:
                 self._tell(self._waiting.popleft())
+            if go_on:
+                self._ending.wait(GATHER)
 
     def _tell(self, told: Event | Change | Reset) -> None:
         if not self.listeners:

@@ -1,7 +1,7 @@
 """The state of the robot over time, to plot and to look at, from what its parts have answered.
 
 The answers are all in the moments already, exactly; these are for people. So they are fewer: ``PERIOD`` seconds apart
-at least, and only when there is something new.
+at least, and ``UNCHANGED`` seconds while a part only says again what it said.
 """
 
 from collections.abc import Iterator, Mapping
@@ -22,6 +22,10 @@ TF_PERIOD = 0.05
 """Seconds between two places of a frame, at least."""
 
 
+UNCHANGED = 0.5
+"""Seconds between two of them that say the same, at least."""
+
+
 class Figure(NamedTuple):
     """A message to be: on which topic, when, and what it says."""
 
@@ -38,6 +42,7 @@ class Figures:
         self._eye = eye
         self._told: dict[str, float] = {}  # by topic and frame, when it was told last
         self._stamps: dict[str, float] = {}  # and of when that was
+        self._values: dict[str, object] = {}  # and what it said
         self._wanted = self._given = STILL
         self._driven = float("-inf")
         self._looking: HeadPose | None = None
@@ -57,7 +62,7 @@ class Figures:
                     yield from self._base(moment.t, reading.stamp, str(reading.quality), state)
                 case Reading(value=HeadPose() as pose) as reading if part == "head":
                     yield from self._head(moment.t, reading.stamp, str(reading.quality), pose)
-                case Reading(value=RangeScan() as scan) if self._due("/scan", moment.t, scan.stamp, PERIOD):
+                case Reading(value=RangeScan() as scan) if self._due("/scan", moment.t, scan.stamp, scan.number):
                     yield Figure("/scan", moment.t, foxglove.scan(self._epoch.stamp(scan.stamp), scan))
         yield from self._arms(moment.t, joints)
 
@@ -75,13 +80,13 @@ class Figures:
 
     def _base(self, t: float, stamp: float, quality: str, state: BaseState) -> Iterator[Figure]:
         pose = state.pose
-        if foxglove.is_finite(pose.x, pose.y, pose.heading) and self._due("odom", t, stamp, TF_PERIOD):
+        if foxglove.is_finite(pose.x, pose.y, pose.heading) and self._due("odom", t, stamp, pose, TF_PERIOD):
             at = self._epoch.stamp(stamp)
             yield Figure("/tf", t, foxglove.base_transform(at, pose))
             yield Figure("/base/pose", t, foxglove.base_pose(at, pose))
-        if self._due("/state/base", t, stamp, PERIOD):
-            commanded = t - self._driven <= COMMAND_LIFE
-            wanted, given = (self._wanted, self._given) if commanded else (STILL, STILL)
+        commanded = t - self._driven <= COMMAND_LIFE
+        wanted, given = (self._wanted, self._given) if commanded else (STILL, STILL)
+        if self._due("/state/base", t, stamp, (quality, state, wanted, given)):
             numbers = {
                 "x": pose.x,
                 "y": pose.y,
@@ -109,11 +114,11 @@ class Figures:
             )
 
     def _head(self, t: float, stamp: float, quality: str, pose: HeadPose) -> Iterator[Figure]:
-        if foxglove.is_finite(pose.pan, pose.tilt) and self._due("camera", t, stamp, TF_PERIOD):
+        if foxglove.is_finite(pose.pan, pose.tilt) and self._due("camera", t, stamp, pose, TF_PERIOD):
             gaze = Gaze(pose.pan, pose.tilt)
             yield Figure("/tf", t, foxglove.camera_transform(self._epoch.stamp(stamp), self._eye, gaze))
-        if self._due("/state/head", t, stamp, PERIOD):
-            wanted = self._looking
+        wanted = self._looking
+        if self._due("/state/head", t, stamp, (quality, pose, wanted)):
             yield Figure(
                 "/state/head",
                 t,
@@ -135,15 +140,18 @@ class Figures:
             if isinstance(reading, Reading) and isinstance(reading.value, JointState)
         }
         stamp = max((reading.stamp for reading in states.values() if isinstance(reading, Reading)), default=0.0)
-        if joints and self._due("/state/arm", t, stamp, PERIOD):
+        if joints and self._due("/state/arm", t, stamp, joints):
             yield Figure("/state/arm", t, {"t": t, "joints": joints})
 
-    def _due(self, what: str, t: float, stamp: float, period: float) -> bool:
-        """Say whether something new is to be told now; then it counts as told."""
-        # A tick may come a little early: what is due within a tenth of a period is due.
-        if self._stamps.get(what) == stamp or t < self._told.get(what, float("-inf")) + 0.9 * period:
+    def _due(self, what: str, t: float, stamp: float, value: object, period: float = PERIOD) -> bool:
+        """Say whether something is to be told now; then it counts as told."""
+        if self._stamps.get(what) == stamp:
             return False
-        self._told[what], self._stamps[what] = t, stamp
+        # A tick may come a little early: what is due within a tenth of a period is due.
+        wait = UNCHANGED if self._values.get(what) == value else period
+        if t < self._told.get(what, float("-inf")) + 0.9 * wait:
+            return False
+        self._told[what], self._stamps[what], self._values[what] = t, stamp, value
         return True
 
 

@@ -28,14 +28,14 @@ from missions.records.recording.outputs import private
 from missions.records.recording.sink import Sink
 from missions.records.recording.writer import RecordWriter, Written
 
-FLUSH = 0.4
-"""Seconds after which a chunk is written, at the latest."""
+FLUSH = 0.6
+"""Seconds after which a chunk is written, at the latest, and waited for until the disk has it."""
 
 RETRY = 2.0
 """Seconds to the next try, after a chunk that could not be written."""
 
-SYNC = 1.0
-"""Seconds from one wait for the disk to the next."""
+GLANCE = 1.0
+"""Seconds from one look to the next whether the run has ended whose record was closed at its limit."""
 
 NICE = 5
 """How far it stands back behind the run."""
@@ -108,13 +108,12 @@ class Keeper:
             self._mend()
         tell(closed=asdict(written))
         while self._inlet.open:  # it was closed at its limit
-            for _ in self._inlet.batches(SYNC):
+            for _ in self._inlet.batches(GLANCE):
                 pass
 
     def _write(self, writer: RecordWriter, waiting: deque[bytes]) -> Written:
         """Write what waits and what comes, until there is no more, or no more room."""
         flush_at = self._clock.now()
-        sync_at = flush_at + SYNC
         while (self._inlet.open or waiting) and writer.ended is None:
             for batch in waiting:
                 _take(writer, batch)
@@ -122,12 +121,10 @@ class Keeper:
             now = self._clock.now()
             if now >= flush_at:
                 writer.flush()
+                writer.sync()
                 flush_at = now + (RETRY if writer.failing else FLUSH)
                 self._notice(writer)
-            if now >= sync_at:
-                writer.sync()
-                sync_at = self._clock.now() + SYNC
-            waiting += self._inlet.batches(max(0.0, min(flush_at, sync_at) - self._clock.now()))
+            waiting += self._inlet.batches(max(0.0, flush_at - self._clock.now()))
         written = writer.close()
         writer.sync()  # what is told to be closed outlives a power cut
         self._notice(writer)

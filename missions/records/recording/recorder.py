@@ -30,8 +30,8 @@ from missions.records.recording.loss import Loss
 from missions.records.recording.outlet import Outlet
 from perception.api import Frame, Gaze, View
 
-PERIOD = 0.05
-"""Seconds from one batch to the next."""
+PERIOD = 0.15
+"""Seconds from one batch to the next: each wakes two processes."""
 
 BATCH = 150
 """Items in a batch, at most: packing them keeps the interpreter for about a millisecond."""

@@ -32,6 +32,17 @@ def test_a_state_is_told_ten_times_a_second_and_only_when_it_is_new() -> None:
     assert [figure.topic for figure in figures((1.0, [state(1.0)]), (2.0, [state(1.0)]))].count("/state/base") == 1
 
 
+def test_what_stays_as_it_is_is_told_twice_a_second_and_a_change_at_once() -> None:
+    poses = [HeadPose(0.1 if tick < 60 else 0.2, 0.0) for tick in range(75)]
+    ticks = [
+        (tick / 50, [("head", "pose", (), Reading(pose, tick / 50, Quality.GOOD))]) for tick, pose in enumerate(poses)
+    ]
+    for topic in ("/state/head", "/tf"):
+        told = [figure.t for figure in figures(*ticks) if figure.topic == topic]
+        assert len(told) == 4
+        assert told[-1] == 1.2
+
+
 def test_what_was_wanted_is_told_for_as_long_as_a_command_holds() -> None:
     told = figures(
         (1.0, [state(1.0), drive(0.5, 0.3)]), (1.2, [state(1.2)]), (1.4, [state(1.4)]), (1.5, [state(1.5), drive(1, 1)])
