@@ -192,6 +192,9 @@ FAREWELL_TIME = 2.0
 GATHER = 0.03
 """Seconds from one telling to the next: what happens meanwhile wakes no thread."""
 
+LULL = 0.2
+"""Seconds for which ticks in which nothing happens wait to be told."""
+
 MOST_WAITING = 200_000
 """What may wait for slow listeners; what comes on top is counted and lost."""
 
@@ -216,6 +219,8 @@ class Stream:
         # Wakes the thread; False ends it. An Event would not do: its lock is not for a destructor that logs something.
         self._news: SimpleQueue[bool] = SimpleQueue()
         self._ending = Flag()
+        self._changed = False  # a node has, and nobody was woken for it
+        self._woken_at = 0.0
         self._thread: Thread | None = None
 
     def open(self) -> None:
@@ -241,20 +246,25 @@ class Stream:
         return bool(self.listeners) or self._thread is not None
 
     def emit(self, event: Event) -> None:
-        """Tell all listeners, soon; returns at once and never raises."""
+        """Tell all listeners, soon; returns at once and never raises. A tick in which nothing happened can wait."""
         if self._keep(event):
+            if type(event) is Ticked and not self._changed and 0 <= event.t - self._woken_at < LULL:
+                return
+            self._changed, self._woken_at = False, event.t
             self._news.put(True)
 
     def changed(self, time: float, tick: int, node: Node, status: Status, reason: str) -> None:
         """Tell all listeners of a node's new status, with the next event; returns at once and never raises."""
         if self._thread is not None and len(self._waiting) < MOST_WAITING:  # as ``_keep`` does, without the call
             self._waiting.append((time, tick, node, status, reason))
+            self._changed = True
         else:
             self._keep((time, tick, node, status, reason))
 
     def forgot(self, time: float, tick: int, nodes: Sequence[Node]) -> None:
         """Tell all listeners of nodes that were reset, with the next event; returns at once and never raises."""
         self._keep((time, tick, nodes))
+        self._changed = True
 
     def _keep(self, told: Event | Change | Reset) -> bool:
         """Tell it at once, or keep it for the thread; True if it is kept."""

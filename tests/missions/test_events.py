@@ -16,6 +16,7 @@ from missions.executive import events
 from missions.executive.composites import Composite, Selector, Sequence, adopt
 from missions.executive.events import Event, Logged, NodeChanged, Stream
 from missions.executive.executive import Executive
+from tests.waiting import wait_until
 
 OUTCOMES = st.lists(st.sampled_from([RUNNING, SUCCESS, FAILURE]), min_size=1, max_size=4)
 
@@ -130,6 +131,31 @@ def test_the_end_of_a_tick_brings_its_changes_to_the_listeners() -> None:
     runner.tick()
     assert ticked.wait(5.0)
     assert changes(heard) == [("pretend", "success", ""), ("s", "success", "")]
+    stream.close()
+
+
+def test_ticks_in_which_nothing_happens_are_told_together() -> None:
+    heard: list[Event] = []
+    told = threading.Event()
+
+    def listen(event: Event) -> None:
+        heard.append(event)
+        if event.event == "tick" and event.t > 9.0 + events.LULL:
+            told.set()
+
+    stream = Stream([listen])
+    stream.open()
+    runner, clock = executive(stream, Sequence("s"), pretend([RUNNING] * 9))
+    clock.advance(9.0)
+    runner.tick()
+    wait_until(lambda: len(heard) == 3)
+    clock.advance(events.LULL / 2)
+    runner.tick()
+    assert len(heard) == 3  # though the thread that tells has nothing else to do
+    clock.advance(events.LULL)
+    runner.tick()
+    assert told.wait(5.0)
+    assert [event.event for event in heard[3:]] == ["tick", "tick"]
     stream.close()
 
 

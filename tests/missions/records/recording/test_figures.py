@@ -34,7 +34,7 @@ def test_a_state_is_told_ten_times_a_second_and_only_when_it_is_new() -> None:
 
 def test_what_stays_as_it_is_is_told_twice_a_second_and_a_change_at_once() -> None:
     poses = [HeadPose(0.1 if tick < 60 else 0.2, 0.0) for tick in range(75)]
-    ticks = [
+    ticks: list[tuple[float, list[Answer]]] = [
         (tick / 50, [("head", "pose", (), Reading(pose, tick / 50, Quality.GOOD))]) for tick, pose in enumerate(poses)
     ]
     for topic in ("/state/head", "/tf"):
