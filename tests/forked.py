@@ -26,11 +26,21 @@ from types import TracebackType
 from typing import IO, Any, NoReturn, Self
 
 IMPORTED = (
+    "behaviours.driving.straight",
+    "drivers.arduino.make",
+    "drivers.kobuki.make",
     "drivers.virtual.kobuki",
+    "drivers.virtual.rodney",
+    "drivers.virtual.servo",
     "drivers.virtual.terminal",
+    "missions.assembly.simulation",
     "missions.cli.root",
     "missions.cli.run",
     "missions.cli.studio",
+    "missions.records.recording.recorder",
+    "missions.studio.serving",
+    "uvicorn.protocols.http.h11_impl",
+    "uvicorn.protocols.websockets.websockets_sansio_impl",
 )
 """What is imported already; whatever else a process needs, it imports itself."""
 
