@@ -14,6 +14,7 @@ from pathlib import Path
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
 from behaviours.robot import Robot
+from config.cases import CommonKeys, ExpectKeys, JudgedKeys
 from config.controller import BaseKeys, ControllerKeys
 from config.defaults import DefaultsKeys
 from config.fleet import FleetKeys
@@ -41,7 +42,6 @@ from missions.studio.reading import COMMANDS
 from missions.testing.failsafe.ride import stepped_through
 from missions.testing.failsafe.settings import CHOICES, FAULTS, SILENCE, Setting
 from missions.testing.failsafe.words import steps
-from missions.testing.keys import CommonKeys, ExpectKeys, JudgedKeys
 
 HERE = Path(__file__).parent
 

@@ -23,6 +23,7 @@ from drivers.api.kinds import KINDS, SOUNDING
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
 from missions.assembly.assembled import Assembled
+from missions.assembly.target import target_of_parts
 from missions.executive.answers import Answers
 from missions.executive.asked import asked
 from missions.executive.build import build
@@ -31,7 +32,6 @@ from missions.executive.executive import Executive, Result
 from missions.executive.guard import Guard
 from missions.executive.state import state_of
 from missions.executive.watchdog import Limits
-from missions.language.claims import Target
 from missions.library.shipped import behaviour_files, load_mission
 from missions.library.vocabulary import vocabulary
 from missions.order import RunRequest, Simulate, contradictions
@@ -166,13 +166,13 @@ def load(
 
         @contextmanager
         def opening() -> Iterator[None]:
-            with _reachable(runner, order, pictures), runner.ready():
+            with _reachable(runner, pictures), runner.ready():
                 yield
 
         return Mission(runner.executive, runner=runner, opening=opening)
     parts = Robot() if robot is None else robot
     has = frozenset(part for part, device in _devices(parts).items() if device is not None)
-    target = None if robot is None else _target(parts, has)
+    target = None if robot is None else target_of_parts(parts, has)
     own = behaviour_files(str(path), files)
     plan = load_mission(str(path), params=given, complete=True, robot=target, leaves=vocabulary(own))
     run = Run(SystemClock(), seed=seed)
@@ -241,14 +241,14 @@ def run(
     limits = replace(PATIENT if order.simulation == "fast" else Limits(), lost=math.inf)
     pictures = Pictures()
     runner = Runner(order, listeners=listeners, limits=limits, on_view=pictures.view, on_frame=pictures.frame)
-    with _reachable(runner, order, pictures):
+    with _reachable(runner, pictures):
         return runner.run()
 
 
 @contextmanager
-def _reachable(runner: Runner, order: RunRequest, pictures: Pictures) -> Iterator[None]:
+def _reachable(runner: Runner, pictures: Pictures) -> Iterator[None]:
     """Have the control socket of a run, by which ``mission stop`` stops it."""
-    with ControlSocket(runner, pictures, order) as control:
+    with ControlSocket(runner, pictures) as control:
         if control.trouble:
             log.warning("%s: `mission stop` cannot reach this run", control.trouble)
         yield
@@ -274,11 +274,3 @@ def _texts(params: Params | None) -> dict[str, str]:
 def _devices(robot: Robot) -> dict[str, object | None]:
     own = {kind.name: getattr(robot, f"{kind.field}_part") for kind in KINDS.values()}
     return own | {name: other.part for name, other in robot.others.items()}
-
-
-def _target(robot: Robot, has: frozenset[str]) -> Target:
-    """Return what the checker must know of a robot that is there."""
-    others = {name: other.kind for name, other in robot.others.items()}
-    arms = {"arm": robot} if robot.arm_part is not None else {}
-    arms |= {name: robot.of({kind: name}) for name, kind in others.items() if kind == "arm"}
-    return Target("this robot", has, {name: arm.reach for name, arm in arms.items()}, others)

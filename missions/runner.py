@@ -77,6 +77,7 @@ class Runner:
         on_view: Callable[[View], None] = ignore,
         on_frame: Callable[[Frame, Gaze | None], None] = ignore,
     ) -> None:
+        self.order = order
         self.config = order.robot_file()
         self._on_view, self._on_frame = on_view, on_frame
         self.plan: Plan = load(order, self.config) if plan is None else plan

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from behaviours.joint_ranges import JointRanges
+from behaviours.robot import Robot
 from config.robot import RobotConfig
 from drivers.api.sections import ArmKeys, HeadKeys
 from drivers.api.senses import MicrophoneKeys
@@ -20,6 +21,14 @@ def target_of(robot: RobotConfig) -> Target:
         return target
     ears = robot.microphone
     return target._replace(unpronounceable=partial(_unpronounceable, ears), confusable=partial(_confusable, ears))
+
+
+def target_of_parts(robot: Robot, has: frozenset[str]) -> Target:
+    """Return what the checker must know of a robot that is there."""
+    others = {name: other.kind for name, other in robot.others.items()}
+    arms = {"arm": robot} if robot.arm_part is not None else {}
+    arms |= {name: robot.of({kind: name}) for name, kind in others.items() if kind == "arm"}
+    return Target("this robot", has, {name: arm.reach for name, arm in arms.items()}, others)
 
 
 def _unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[str]:

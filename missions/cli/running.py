@@ -103,7 +103,7 @@ def run(
         if outputs.view:
             shown = _view(runner, watcher)
             runner.stream.listeners[0] = shown  # in the watcher's place
-        control = ControlSocket(runner, pictures, order)
+        control = ControlSocket(runner, pictures)
         if outputs.announcer is not None:
             runner.stream.listeners.append(outputs.announcer)
             closing.enter_context(outputs.announcer)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from config.cases import JudgedKeys
 from config.controller import ControllerKeys
 from config.gesture import GestureKeys
 from config.move import MoveKeys
@@ -14,7 +15,6 @@ from missions.library.drivers import Table
 from missions.schema.keys import keys_schema
 from missions.schema.robots import of_kind, part_schemas
 from missions.schema.values import Schema
-from missions.testing.keys import JudgedKeys
 
 KINDS: Mapping[str, tuple[str, type]] = {
     "tests": ("The tests of a mission.", JudgedKeys),

@@ -1,10 +1,9 @@
 """Where the notices of a task go: as the file of its robot says when they are made, or said when it was added."""
 
 from config.faults import InvalidFileError
-from config.library import UnknownNameError, find
+from config.library import UnknownNameError
 from config.notices import TerminalNotice, written
-from missions.library.drivers import load_robot
-from missions.order import DEFAULT_ROBOT
+from missions.order import RunRequest
 from missions.service.task import Task
 
 TERMINAL = written(TerminalNotice())
@@ -27,5 +26,5 @@ def channels_for(robot: str) -> tuple[str, ...]:
 
     Raises InvalidFileError or UnknownNameError for one that cannot be read.
     """
-    found = load_robot(find("robots", robot or DEFAULT_ROBOT))
+    found = RunRequest("", robot=robot or None).robot_file()
     return tuple(written(notice) for notice in found.notices) or (TERMINAL,)

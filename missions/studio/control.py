@@ -21,7 +21,6 @@ from typing import Literal, Self
 from behaviours.run import log
 from drivers.clock import Clock, SystemClock, time_of_day
 from missions.executive.events import Event
-from missions.order import RunRequest
 from missions.runner import Runner
 from missions.studio import sockets
 from missions.studio.audience import IDLE, NOTHING, Audience, Client
@@ -48,20 +47,20 @@ OF_RUN: Mapping[str, type[Command]] = {word: kind for word, kind in COMMANDS.ite
 
 
 class ControlSocket:
-    """Serves the control socket of the ``runner`` of an order while it is entered, and listens to its events.
+    """Serves the control socket of a ``runner`` while it is entered, and listens to its events.
 
     ``pictures`` is who gets the frames. What goes wrong with the socket itself is in ``trouble``: the run goes on.
     """
 
-    def __init__(self, runner: Runner, pictures: Pictures, order: RunRequest, *, clock: Clock | None = None) -> None:
+    def __init__(self, runner: Runner, pictures: Pictures, *, clock: Clock | None = None) -> None:
         self._runner, self._pictures = runner, pictures
         self._clock = clock or SystemClock()
         self.outlet = Outlet(runner, wall=self._clock)
         robot = runner.assembled.robot
         self._wheels = Wheels(robot.base_part, robot.head_part, self._clock)
         self._doing = Doing(runner, self._wheels, self._clock)
-        simulated: Literal["", "wire", "fast"] = order.simulation or ""
-        of = {"simulated": simulated, "world": order.world_name}
+        simulated: Literal["", "wire", "fast"] = runner.order.simulation or ""
+        of = {"simulated": simulated, "world": runner.order.world_name}
         began = time_of_day().timestamp()
         self._name = sockets.new_run()
         self._of_run = Run(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from behaviours.leaf import Leaf
+from config.cases import CommonKeys, SuiteKeys
 from config.faults import InvalidFileError, note, one_of
 from config.fields import Fields
 from config.library import UnknownNameError, find
@@ -25,7 +26,6 @@ from missions.library.shipped import behaviour_files, find_mission, load_mission
 from missions.library.vocabulary import vocabulary
 from missions.order import DEFAULT_ROBOT, DEFAULT_WORLD
 from missions.testing.expectations import Grammar
-from missions.testing.keys import CommonKeys, SuiteKeys
 
 PARAM = "--param"
 """How the checker of missions calls the place of a param that its caller gives."""

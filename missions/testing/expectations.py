@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from config.cases import CROOKED, DEFAULT_ANGLE, DEFAULT_DISTANCE, ExpectKeys, PoseKeys
 from config.declared import read_keys
 from config.faults import Mark, one_of
 from config.fields import Fields, value_of
@@ -13,7 +14,6 @@ from config.units import in_dimension, seen
 from drivers.api.keys import declared
 from missions.executive.guard import REFLEXES
 from missions.language.arguments import default_value
-from missions.testing.keys import CROOKED, DEFAULT_ANGLE, DEFAULT_DISTANCE, ExpectKeys, PoseKeys
 from missions.testing.moments import KnownNode, read_moment
 from missions.testing.phrases import Phrase
 

@@ -5,6 +5,7 @@ from collections.abc import Collection
 from collections.abc import Mapping as Named
 
 from behaviours.hearing import Listening
+from config.cases import EITHER
 from config.faults import did_you_mean, one_of
 from config.fields import Fields
 from config.marked import Listing, Mapping, Node, Scalar
@@ -14,7 +15,6 @@ from missions.language.nodes import MODIFIERS
 from missions.language.phrases import own_phrases
 from missions.language.plan import Step
 from missions.testing.context import Setting
-from missions.testing.keys import EITHER
 from missions.testing.mishaps import JOINT, RUN, Mishap, read_mishap
 from missions.testing.mocks import RESULT_OF_FACE, MockSpec, fits
 from missions.testing.phrases import Phrase

@@ -5,13 +5,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from config.cases import Eyes
 from config.faults import Source
 from config.fields import Fields
 from config.marked import compose
 from drivers.api import Pose2D
 from missions.executive.events import Event
 from missions.testing.history import History, NodeRecord
-from missions.testing.keys import Eyes
 from missions.testing.stage import IN_PROCESS, Stage
 from missions.testing.suite import read_suite
 

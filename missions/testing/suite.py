@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from config.cases import CommonKeys, Eyes, JudgedKeys, SuiteKeys
 from config.declared import Path as Place
 from config.declared import read_keys
 from config.faults import InvalidFileError, Mark, Source
@@ -14,7 +15,6 @@ from missions.library.shipped import TESTS
 from missions.testing.context import Context
 from missions.testing.expectations import Expectation, read_expectations
 from missions.testing.given import read_given
-from missions.testing.keys import CommonKeys, Eyes, JudgedKeys, SuiteKeys
 from missions.testing.mishaps import Mishap
 from missions.testing.mocks import MockSpec
 

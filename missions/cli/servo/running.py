@@ -64,7 +64,7 @@ def run_plan(
     runner = Runner(order, listeners=[watcher], plan=plan)
     watcher.watch(runner.root)
     before()
-    control = ControlSocket(runner, Pictures(), order)
+    control = ControlSocket(runner, Pictures())
     with watcher, control:
         tell_unreachable(control)
         return runner.run(), runner.root
