@@ -1,8 +1,9 @@
 """A program of ours in a process of its own: messages over its pipes, and a new one when it has died.
 
 What crashes, blocks Python or has another licence runs so: synthesiser, sound card, recogniser. Such a program is a
-file run by its path, in Python's isolated mode, and imports nothing of ours. It ends when its standard input does, so
-none outlives the robot. A message is a line of JSON (an object); where that has ``bytes: N``, N bytes follow.
+file run by its path, in Python's isolated mode, and imports nothing of ours but what it computes with. It ends when its
+standard input does, so none outlives the robot. A message is a line of JSON (an object); where that has ``bytes: N``, N
+bytes follow.
 """
 
 import json

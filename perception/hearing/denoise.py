@@ -26,9 +26,6 @@ LOUD = 66.0
 MAX_GAIN = 30.0
 """dB by which a clip is amplified at most."""
 
-DITHER = 40.0
-"""Standard deviation, in steps, of the noise under everything: the model of speech has never heard digital silence."""
-
 
 def clarified(samples: Samples, noise: Samples) -> Samples:
     """Return ``samples`` with less of the ``noise`` that was heard before them, and at the usual level."""
@@ -36,9 +33,12 @@ def clarified(samples: Samples, noise: Samples) -> Samples:
     if len(noise) >= WINDOW:
         sound = filtered(sound, np.asarray(noise, np.float64))
     loud = float(np.percentile(levels(sound), 95)) if len(sound) >= RATE // 10 else LOUD
-    sound *= 10 ** (min(LOUD - loud, MAX_GAIN) / 20)
-    sound += np.random.default_rng(0).standard_normal(len(sound)) * DITHER
-    return np.asarray(np.clip(sound, -32768, 32767), np.int16)
+    return _whole(sound * 10 ** (min(LOUD - loud, MAX_GAIN) / 20))
+
+
+def dithered(samples: Samples, deviation: float) -> Samples:
+    """Return ``samples`` over noise of that standard deviation, in steps: no model of speech knows digital silence."""
+    return _whole(samples + np.random.default_rng(0).standard_normal(len(samples)) * deviation)
 
 
 def filtered(sound: Floats, noise: Floats) -> Floats:
@@ -53,6 +53,11 @@ def filtered(sound: Floats, noise: Floats) -> Floats:
         clean = gain**2 * ratio
         spectra[number] *= gain
     return _added(np.fft.irfft(spectra, WINDOW))[WINDOW : WINDOW + len(sound)]
+
+
+def _whole(sound: Floats) -> Samples:
+    """Return a sound in whole steps of 16 bits."""
+    return np.asarray(np.clip(np.rint(sound), -32768, 32767), np.int16)
 
 
 def _windows(sound: Floats) -> Floats:

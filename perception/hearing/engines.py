@@ -17,9 +17,9 @@ Judgement = tuple[str, float]
 
 NOTHING: Judgement = ("", -99.0)
 
-BEATEN, PLAIN = 15.0, 10.0
-"""By how much the best decoy may fit better than a phrase of one word that was said, for each frame; and how much more
-makes the odds e times as high."""
+BEATEN, PLAIN = 1.0, 0.5
+"""By how much the best decoys may fit better than a phrase of one word that was said, a logarithm for each frame; and
+how much more makes the odds e times as high."""
 
 
 def weighed(score: float, margin: float | None) -> float:

@@ -4,17 +4,28 @@ Messages are lines of JSON on standard input and output; where one has ``bytes: 
 mono at 16 kHz. ``{"words": {word: [phones, ..]}, "arcs": [[from, to, probability, word], ..]}`` is what to listen for,
 from state 0 to state 1, and is answered by ``{"ready": true}``. ``{"decode": id}`` with a sound is answered by what was
 understood of it, and how it looks beside a loop over all phones; a phrase of one word also beside the common words of
-English. It imports nothing of ours, and ends with its input.
+English. It ends with its input.
 """
 
+import heapq
 import json
 import math
+import os
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its matrices are small: threads would wait for each other
+
+import numpy as np
 import pocketsphinx
+
+from perception.hearing.acoustic_model import AcousticModel
+from perception.hearing.contest import Contest, Entry
+from perception.hearing.denoise import dithered
+from perception.hearing.sound import Samples
 
 LOG = 1e4
 """Scores come as exp of logarithms to the base 1.0001, which are shifted right by 10 bits: this undoes the exp."""
@@ -25,14 +36,17 @@ WIDE = {"beam": 1e-80, "wbeam": 1e-60, "pbeam": 1e-80}
 NARROW = {"beam": 1e-20, "wbeam": 1e-15, "pbeam": 1e-20}
 """The same for the loop over phones, which has no end of paths."""
 
-ALIKE = {"beam": 1e-40, "wbeam": 1e-30, "pbeam": 1e-40, "compallsen": True, "topn": 8}
-"""Scores are relative to the best sound that a search looks for: only with all sounds in view two searches compare.
-
-Twice as many Gaussians as usual count for a sound, and every frame has its own (``ds`` is 1): words are short.
-"""
+HISS, FAINT = 40.0, 20.0
+"""Steps of noise under everything for pocketsphinx, and for the contest: the weak ends of words decide between them."""
 
 COMMON, SHORT = 1000, 6
 """How many of the commonest words may be decoys, and how many phones those have at most."""
+
+BEST = 5
+"""So many of the decoys that fit best make the bar together: each by itself may sound like a phrase by chance."""
+
+LEAST = 5
+"""Frames of 10 ms over which a margin is spread at least."""
 
 Segments = list[tuple[str, int, int, float]]
 """Name, first frame (of 10 ms), how many, and the score of all."""
@@ -73,31 +87,41 @@ def search(engine: pocketsphinx.Decoder, name: str, words: dict[str, list[str]],
 
 def decoys(alone: dict[str, list[str]]) -> dict[str, list[str]]:
     """Return the common words that nobody should take for one of ``alone``, and how they are said: none sounds so."""
-    ways: dict[str, list[str]] = {}
-    for line in Path(pocketsphinx.get_model_path("en-us/cmudict-en-us.dict")).read_text(encoding="utf-8").splitlines():
-        entry, _, phones = line.partition(" ")
-        if entry[1:2].isalnum():
-            ways.setdefault(entry.partition("(")[0], []).append(phones)
     model = pocketsphinx.NGramModel.readfile(pocketsphinx.get_model_path("en-us/en-us.lm.bin"))
-    common = sorted(filter(str.isalpha, ways), key=lambda word: -model.prob([word]))[:COMMON]
+    plain = (word for word, _ in dictionary() if word.isalpha())
+    ways: dict[str, list[str]] = {
+        word: [] for word in heapq.nlargest(COMMON, plain, key=lambda word: model.prob([word]))
+    }
+    for entry, phones in dictionary():
+        if (word := entry.partition("(")[0]) in ways:
+            ways[word].append(phones)
     own = {phones for said in alone.values() for phones in said}
     return {
-        word: ways[word]
-        for word in common
-        if word not in alone and own.isdisjoint(ways[word]) and len(ways[word][0].split()) <= SHORT
+        word: said
+        for word, said in ways.items()
+        if word not in alone and own.isdisjoint(said) and len(said[0].split()) <= SHORT
     }
+
+
+def dictionary() -> Iterator[tuple[str, str]]:
+    """Yield the entries of the dictionary: a word, ``word(2)`` for another way to say it, and its phones."""
+    with Path(pocketsphinx.get_model_path("en-us/cmudict-en-us.dict")).open(encoding="utf-8") as lines:
+        for line in lines:
+            entry, _, phones = line.strip().partition(" ")
+            if entry[1:2].isalnum():
+                yield entry, phones
 
 
 class Recogniser:
     """A grammar, and a loop over phones beside it: two decoders, since beams hold for all that one does.
 
-    A third weighs single words against the decoys.
+    Single words compete with each other and with the decoys.
     """
 
     def __init__(self) -> None:
         self.grammar: pocketsphinx.Decoder | None = None
-        self.scales = decoder(**ALIKE)
         self.alone: dict[str, list[str]] = {}
+        self.contest: Contest | None = None
         self.loop = decoder(**NARROW)
         self.loop.add_allphone_file("phones", pocketsphinx.get_model_path("en-us/en-us-phone.lm.bin"))
         self.loop.activate_search("phones")
@@ -107,49 +131,67 @@ class Recogniser:
         self.grammar = decoder(**WIDE)
         search(self.grammar, "phrases", words, [tuple(arc) for arc in arcs])
         self.alone = {word: words[word] for begin, end, _, word in arcs if (begin, end) == (0, 1)}
-        self.scales = decoder(**ALIKE)
+        self.contest = None
         if self.alone:
-            for word, ways in self.alone.items():
-                search(self.scales, f"only {word}", {word: ways}, [(0, 1, 1.0, word)])
-            common = decoys(self.alone)
-            search(self.scales, "decoys", common, [(0, 1, 1 / len(common), word) for word in common])
+            for word in self.alone:
+                search(self.grammar, only(word), {}, [(0, 1, 1.0, word)])
+            everybody = {**decoys(self.alone), **self.alone}
+            model = AcousticModel(Path(pocketsphinx.get_model_path("en-us/en-us")))
+            self.contest = Contest(model, [(word, way.split()) for word, ways in everybody.items() for way in ways])
 
-    def margin(self, word: str, sound: bytes) -> float | None:
-        """Return by how much a word fits better than the best decoy, for each frame of it; None for a longer phrase."""
-        if word not in self.alone:
-            return None
-        fits: list[Segments] = []
-        for name in (f"only {word}", "decoys"):
-            self.scales.activate_search(name)
-            run(self.scales, sound)
-            fits.append(segments(self.scales) if self.scales.hyp() else [])
-        own, decoy = (sum(score for *_, score in fit) if fit else -1e9 for fit in fits)
-        return (own - decoy) / max(5, sum(length for name, _, length, _ in fits[0] if not name.startswith("<")))
-
-    def decode(self, sound: bytes) -> dict[str, Any]:
+    def decode(self, sound: Samples) -> dict[str, Any]:
         """Return what was said, as far as it was a phrase, with all that tells whether to believe it."""
         engine = self.grammar
         if engine is None:
             return {"phrase": ""}
-        engine.activate_search("phrases")
-        run(engine, sound)
-        found = engine.hyp()
-        if found is None:
+        loud = dithered(sound, HISS).tobytes()
+        phrase = understood(engine, "phrases", loud)
+        entries: list[Entry] = []
+        if phrase in self.alone and self.contest is not None:
+            entries = self.contest.entries(dithered(sound, FAINT))
+            best = next(entry.word for entry in entries if entry.word in self.alone)
+            if best != phrase:
+                phrase = understood(engine, only(best), loud)
+        if not phrase:
             return {"phrase": ""}
         words, frames = segments(engine), engine.n_frames()
         engine.set_alignment()
-        run(engine, sound)
+        run(engine, loud)
         aligned = engine.get_alignment() or ()
         phones = [(phone.name, phone.start, phone.duration, phone.score) for word in aligned for phone in word]
-        run(self.loop, sound)
+        run(self.loop, loud)
         return {
-            "phrase": found.hypstr,
+            "phrase": phrase,
             "frames": frames,
             "words": words,
             "aligned": phones,
             "loop": segments(self.loop),
-            "margin": self.margin(found.hypstr, sound),
+            "margin": self.margin(phrase, entries),
         }
+
+    def margin(self, word: str, entries: list[Entry]) -> float | None:
+        """Return by how much a word fits better than the best decoys, for each frame of it; None for a longer phrase.
+
+        It is a natural logarithm.
+        """
+        own = next((entry for entry in entries if entry.word == word), None)
+        if own is None:
+            return None
+        beside = [entry.score for entry in entries if entry.word not in self.alone][:BEST]
+        return (own.score - sum(beside) / len(beside)) / max(LEAST, own.frames)
+
+
+def only(word: str) -> str:
+    """Return the name of the search for one word."""
+    return f"only {word}"
+
+
+def understood(engine: pocketsphinx.Decoder, name: str, sound: bytes) -> str:
+    """Return what a search makes of a sound; empty for nothing."""
+    engine.activate_search(name)
+    run(engine, sound)
+    found = engine.hyp()
+    return "" if found is None else str(found.hypstr)
 
 
 def main() -> None:
@@ -158,7 +200,7 @@ def main() -> None:
     recogniser = Recogniser()
     for line in sys.stdin.buffer:
         message = json.loads(line)
-        sound = sys.stdin.buffer.read(message.get("bytes", 0))
+        sound = np.frombuffer(sys.stdin.buffer.read(message.get("bytes", 0)), np.int16)
         if "arcs" in message:
             recogniser.listen_for(message["words"], message["arcs"])
             answer: dict[str, Any] = {"ready": True}

@@ -1,0 +1,116 @@
+"""Which of many single words a sound fits best, by the acoustic model that pocketsphinx carries."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from perception.hearing.acoustic_model import STATES, AcousticModel, Fits
+from perception.hearing.contest import Contest
+from perception.hearing.denoise import clarified, dithered
+from perception.hearing.lexicon import model_folder
+from perception.hearing.sound import RATE, Floats, Samples
+from tests.benchmarks.speaking import Speaking
+
+pytest.importorskip("pocketsphinx")
+
+WAYS = {"yes": "Y EH S", "no": "N OW", "stop": "S T AA P", "nine": "N AY N", "on": "AA N", "hello": "HH AH L OW"}
+
+
+@pytest.fixture(scope="module")
+def model() -> AcousticModel:
+    folder = model_folder()
+    assert folder is not None
+    return AcousticModel(folder / "en-us")
+
+
+def contest(model: AcousticModel, *words: str) -> Contest:
+    return Contest(model, [(word, WAYS[word].split()) for word in words])
+
+
+def surrounded(sound: Samples) -> Samples:
+    quiet = np.zeros(RATE // 3, np.int16)
+    return dithered(clarified(np.concatenate([quiet, sound, quiet]), quiet), 20.0)
+
+
+@pytest.mark.real_time
+def test_the_word_that_was_said_wins_and_stands_once(model: AcousticModel) -> None:
+    pytest.importorskip("espeakng_loader")
+    arena = Contest(model, [*((word, ways.split()) for word, ways in WAYS.items()), ("stop", ["S", "T", "AO", "P"])])
+    with Speaking() as speaking:
+        for word in WAYS:
+            sound = speaking.say(word, "en-us", 150)
+            entries = arena.entries(surrounded(sound))
+            assert entries[0].word == word
+            assert sorted(entry.word for entry in entries) == sorted(WAYS)
+            assert [entry.score for entry in entries] == sorted((entry.score for entry in entries), reverse=True)
+            assert 10 <= entries[0].frames <= len(sound) * 100 / RATE + 5
+
+
+def test_who_else_competes_changes_nobodys_score(model: AcousticModel) -> None:
+    sound = np.random.default_rng(1).normal(0, 900, RATE).astype(np.int16)
+    few, many = ({each.word: each.score for each in contest(model, *words).entries(sound)} for words in (("on",), WAYS))
+    assert few["on"] == pytest.approx(many["on"], rel=1e-5)
+
+
+def test_a_sound_too_short_for_a_word_leaves_it_last(model: AcousticModel) -> None:
+    (on, hello) = contest(model, "on", "hello").entries(np.zeros(1600, np.int16))
+    assert (on.word, hello.word, hello.frames) == ("on", "hello", 0)
+    assert np.isfinite(on.score)
+
+
+def test_a_phone_has_other_states_at_the_ends_of_words_and_between_others(model: AcousticModel) -> None:
+    no, nine, on = (model.states(WAYS[word].split()) for word in ("no", "nine", "on"))
+    assert [len(each.which) for each in (no, nine, on)] == [2 * STATES, 3 * STATES, 2 * STATES]
+    firsts = [tuple(no.which[:3]), tuple(nine.which[:3]), tuple(nine.which[-3:]), tuple(on.which[-3:])]
+    assert len(set(firsts)) > 2
+    assert set(model.phone_of[no.which[:3]]) == set(model.phone_of[on.which[-3:]])
+    assert np.exp(no.stay) + np.exp(no.leave) == pytest.approx(np.ones(6))
+
+
+def test_a_phone_between_others_that_the_model_never_heard_is_the_plain_one(model: AcousticModel) -> None:
+    odd = model.states(["ZH", "ZH", "ZH"]).which
+    assert len(odd) == 3 * STATES
+    with pytest.raises(KeyError):
+        model.states(["XX"])
+
+
+def test_a_state_weighs_all_gaussians_of_its_phone_and_fits_its_own_means_best(model: AcousticModel) -> None:
+    which = model.states(["S", "IY"]).which
+    fits = Fits(model, which.tolist())
+    hiss, vowel = (int(model.phone_of[state]) for state in (which[1], which[4]))
+    features = np.array([_mean(model, phone) for phone in (hiss, vowel)])
+    found = fits(features)[:, fits.columns(which)]
+    assert found[0, 1] > found[0, 4]
+    assert found[1, 4] > found[1, 1]
+
+
+def _mean(model: AcousticModel, phone: int) -> Floats:
+    quads, lines = np.split(model.slopes[phone].astype(np.float64), 2, axis=-1)
+    return np.asarray((-0.5 * lines / quads).mean(axis=1), np.float64)
+
+
+@pytest.mark.parametrize(
+    ("name", "spoilt", "complaint"),
+    [
+        ("mdef", lambda data: b"text" + data[4:], "no binary mdef"),
+        ("mdef", lambda data: data[: _emitting(data)] + b"\5" + data[_emitting(data) + 1 :], "5 states in a phone"),
+        ("sendump", lambda data: data[:1000], "weights of another form"),
+    ],
+)
+def test_a_model_of_another_form_is_refused(
+    name: str, spoilt: Callable[[bytes], bytes], complaint: str, tmp_path: Path
+) -> None:
+    folder = model_folder()
+    assert folder is not None
+    for each in ("means", "variances", "transition_matrices", "mdef", "sendump"):
+        data = (folder / "en-us" / each).read_bytes()
+        (tmp_path / each).write_bytes(spoilt(data) if each == name else data)
+    with pytest.raises(ValueError, match=complaint):
+        AcousticModel(tmp_path)
+
+
+def _emitting(data: bytes) -> int:
+    """Where an mdef says how many states a phone has."""
+    return 12 + int.from_bytes(data[8:12], "little") + 8
