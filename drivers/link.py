@@ -32,8 +32,11 @@ class Talker(Protocol):
         """Bytes have arrived, cut anywhere."""
         ...
 
-    def pulse(self) -> None:
-        """Called at least every ``PULSE`` seconds while the port is open: time-outs and renewals go here."""
+    def pulse(self) -> float | None:
+        """Called at least every ``PULSE`` seconds while the port is open: time-outs and renewals go here.
+
+        May return for how many seconds it need not be called again, and bytes may gather, unless the link is woken.
+        """
         ...
 
     def ending(self) -> None:
@@ -100,6 +103,7 @@ class Link:
         self._talker: Talker | None = None
         self._port: Port | None = None
         self._gathered = b""  # what came first; more may gather
+        self._dozed = False  # bytes have gathered since the last pulse
         self._trouble: NotConnected | None = None  # why there is no port, or why the one that is open must go
         self._fault = ""  # the newest that was reported
         self._greeted = False  # the talker has made its beginning on this port
@@ -115,6 +119,10 @@ class Link:
     def close(self) -> None:
         """End the thread and release the port. Safe from any state, more than once, from any thread but its own."""
         self._loop.end()
+
+    def wake(self) -> None:
+        """Call ``pulse`` now, however long it need not be called. From any thread."""
+        self._loop.wake()
 
     @property
     def online(self) -> bool:
@@ -183,7 +191,7 @@ class Link:
         with self._lock:
             self._port, self._trouble = port, None
             self._connections += 1
-        self._greeted, self._gathered = False, b""
+        self._greeted, self._gathered, self._dozed = False, b"", False
         try:
             talker.connected()
         except BaseException as error:
@@ -197,7 +205,7 @@ class Link:
 
     def _serve(self, talker: Talker, port: Port) -> float:
         try:
-            data = self._gathered + port.arrived(0.0 if self._gathered else PULSE)
+            data = self._gathered + port.arrived(0.0 if self._gathered or self._dozed else PULSE)
         except (serial.SerialException, OSError) as error:
             self._trouble = explain(self.name, self.port, error)
             return 0.0
@@ -207,8 +215,9 @@ class Link:
         self._gathered = b""
         if data:
             talker.received(data)
-        talker.pulse()
-        return 0.0
+        pause = talker.pulse() or 0.0
+        self._dozed = pause > 0
+        return pause
 
     def _complain(self, error: BaseException) -> None:
         """Report a fault, unless it is the same as before: it may come with every pulse."""

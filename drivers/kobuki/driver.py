@@ -16,6 +16,7 @@ from drivers.api import (
     Health,
     Quality,
     Reading,
+    Source,
     Velocity,
 )
 from drivers.clock import Clock
@@ -48,6 +49,10 @@ RESTING = 0.2
 SETTLED = 0.5
 """Seconds for which standing still is renewed at every report before that: commands may be lost on the wire."""
 
+DOZE = 0.06
+"""Seconds for which reports gather while it stands and nobody wants it to move: three, read and thought about at once.
+A command wakes it."""
+
 TIMES = 6
 """How often each of these renewals says it. A header that the wire has damaged may claim the next 256 bytes (see
 ``FrameFinder``): so five renewals are more than it can swallow. They are 60 bytes each, 5 ms on the wire."""
@@ -77,7 +82,7 @@ class KobukiBase(SteeredBase, Panel):
         self._latest: Reading[BaseState] = Reading(None, -inf, Quality.NONE)
         self._connected_at = self._heard_at = self._bytes_at = -inf
         self._renewed_at = self._sent_at = self._moved_at = self._asked_at = -inf
-        self._silent = False
+        self._silent = self._dozing = False
 
     @property
     def identity(self) -> Identity:
@@ -92,11 +97,19 @@ class KobukiBase(SteeredBase, Panel):
         self._link.open(self)
 
     def state(self) -> Reading[BaseState]:
-        """The newest report; stale when it was measured more than ``STALE_AFTER`` ago."""
+        """The newest report; stale when it was measured more than ``STALE_AFTER`` ago, and ``DOZE`` more at rest."""
         latest, now = self._latest, self._clock.now()
         if latest.value is None:
             return replace(latest, stamp=now)
-        return latest if now - latest.stamp <= STALE_AFTER else replace(latest, quality=Quality.STALE)
+        fresh = now - latest.stamp <= STALE_AFTER + DOZE * self._dozing
+        return latest if fresh else replace(latest, quality=Quality.STALE)
+
+    def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
+        """See ``SteeredBase.drive``; a base that stands is told with its next report."""
+        accepted = super().drive(velocity, source=source)
+        if self._dozing and accepted != STILL:
+            self._link.wake()
+        return accepted
 
     def close(self) -> None:
         """Stand still, end the thread and release the port. Safe from any state, more than once."""
@@ -149,8 +162,8 @@ class KobukiBase(SteeredBase, Panel):
         if told is not None and told is not known and told.major != FIRMWARE_MAJOR:
             self._report(DeviceStatus(self.name, "fault", f"firmware {told}, not 1.x", "update it to 1.2.0"))
 
-    def pulse(self) -> None:
-        """Renew the command though nothing arrives, ask what is not known yet, and notice silence."""
+    def pulse(self) -> float | None:
+        """Renew the command though nothing arrives, ask what is not known yet, notice silence; doze where it rests."""
         now = self._clock.now()
         if now - self._renewed_at >= RENEWAL:
             self._renew(now)
@@ -160,6 +173,12 @@ class KobukiBase(SteeredBase, Panel):
         if not self._silent and now - max(self._connected_at, self._heard_at) > SILENT_AFTER:
             self._silent = True
             self._report(DeviceStatus(self.name, "offline", *self._silence(now)))
+        self._dozing = self._heard_at == self._bytes_at and now - self._heard_at < RENEWAL and self._rests(now)
+        return DOZE if self._dozing and not self._mux.waiting else None
+
+    def _rests(self, now: float) -> bool:
+        """Whether it has long stood, and is to stand."""
+        return now - self._moved_at >= SETTLED and not self._mux.alert and not self.identity.missing
 
     def ending(self) -> None:
         """Stand still, as the last word of a thread that may have been cut short."""

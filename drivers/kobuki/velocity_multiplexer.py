@@ -40,6 +40,11 @@ class VelocityMultiplexer:
         self._waiting_since: float | None = None  # the newest command, for a renewal to obey it
 
     @property
+    def waiting(self) -> bool:
+        """True while a command waits for the renewal that first obeys it."""
+        return self._waiting_since is not None
+
+    @property
     def alert(self) -> bool:
         """True while its reflexes have to know where the base is, from state to state."""
         return self._controller.alert

@@ -28,7 +28,7 @@ from drivers.api import (
 from drivers.clock import Clock, ManualClock, SystemClock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, Extra, GetGains, SetGains, Sound
-from drivers.kobuki.driver import SILENT_AFTER, TIMES, KobukiBase
+from drivers.kobuki.driver import DOZE, SILENT_AFTER, TIMES, KobukiBase
 from drivers.kobuki.feedback import FEEDBACK, METRES_PER_TICK, Core, Gains, Inertia
 from drivers.kobuki.limits import Limits
 from drivers.kobuki.odometry import Odometry
@@ -770,6 +770,46 @@ def rig() -> HandRig:
 def test_it_stops_when_nobody_renews(rig: HandRig) -> None:
     rig.until(rig.driving)
     rig.until(lambda: not rig.moves())
+
+
+def test_at_rest_its_reports_are_read_three_at_a_time_until_it_is_told_to_move(rig: HandRig) -> None:
+    reads: list[float] = []
+    received = rig.base.received
+
+    def counted(data: bytes) -> None:
+        reads.append(rig.clock.now())
+        received(data)
+
+    rig.base.received = counted  # type: ignore[method-assign]
+    rig.timeline.run(rig.clock.now() + 1.0)
+    reads.clear()
+    fresh = []
+    for _ in range(200):
+        rig.timeline.run(rig.clock.now() + 0.005)
+        fresh.append(rig.base.state().quality)
+    assert len(reads) == pytest.approx(1 / DOZE, abs=2)
+    assert set(fresh) == {Quality.GOOD}
+    rig.timeline.run(reads[-1] + 0.005)  # it has just begun to doze
+    asked = rig.clock.now()
+    rig.base.drive(Velocity(0.3, 0.0))
+    rig.until(rig.moves)
+    assert rig.clock.now() - asked <= 0.03
+    reads.clear()
+    begun = rig.clock.now()
+    while rig.clock.now() < begun + 0.2:
+        rig.driving()
+        rig.timeline.run(rig.clock.now() + 0.005)
+    assert len(reads) == pytest.approx(10, abs=2)
+
+
+def test_at_rest_silence_is_told_in_time_and_its_last_report_is_stale_by_then(rig: HandRig) -> None:
+    rig.timeline.run(rig.clock.now() + 1.0)
+    rig.device.frozen = True
+    frozen = rig.clock.now()
+    rig.until(lambda: rig.base.state().quality is Quality.STALE)
+    assert rig.clock.now() - frozen <= 0.1 + DOZE
+    rig.until(lambda: "offline" in rig.kinds())
+    assert rig.clock.now() - frozen <= SILENT_AFTER + DOZE
 
 
 def test_a_silent_wire_is_offline_and_comes_back(rig: HandRig) -> None:

@@ -44,6 +44,7 @@ class Chatter:
     at_connected: Callable[[], object] = ignore
     at_received: Callable[[], object] = ignore
     at_pulse: Callable[[], object] = ignore
+    patience: float | None = None
     at_ending: Callable[[], object] = ignore
 
     def connected(self) -> None:
@@ -54,9 +55,10 @@ class Chatter:
         self.heard += data
         self.at_received()
 
-    def pulse(self) -> None:
+    def pulse(self) -> float | None:
         self.pulses += 1
         self.at_pulse()
+        return self.patience
 
     def ending(self) -> None:
         self.at_ending()
@@ -111,6 +113,27 @@ def raising(error: BaseException) -> Callable[..., None]:
         raise error
 
     return throw
+
+
+# --- pauses -----------------------------------------------------------------------------------------------------------
+
+
+def test_bytes_gather_for_as_long_as_the_talker_says_unless_the_link_is_woken(rig: Rig) -> None:
+    rig.open()
+    rig.chatter.patience = 0.5
+    rig.lives_on()
+    begun, rig.chatter.pulses = rig.timeline.clock.now(), 0
+    for letter in (b"a", b"b", b"c"):
+        rig.wire.take(letter)
+        rig.timeline.run(rig.timeline.clock.now() + 0.1)
+        assert rig.chatter.heard == b""
+    rig.until(lambda: rig.chatter.heard)
+    assert (rig.chatter.heard, rig.chatter.pulses) == (b"abc", 1)
+    assert rig.timeline.clock.now() - begun == pytest.approx(0.5, abs=0.02)
+    rig.wire.take(b"d")
+    rig.link.wake()
+    rig.timeline.run(rig.timeline.clock.now() + 0.02)
+    assert (rig.chatter.heard, rig.chatter.pulses) == (b"abcd", 2)
 
 
 # --- listeners --------------------------------------------------------------------------------------------------------
