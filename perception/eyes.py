@@ -28,7 +28,7 @@ LASTS = 0.2
 """Seconds for which a scene that was measured holds, unless what moves in it is asked for."""
 
 PACE = 0.15
-"""Seconds from one picture to the next, where nobody is whom anything could be missed of."""
+"""Seconds from one picture to the next at most, however few are needed."""
 
 PAUSE = 0.005
 """Seconds to rest when no frame came: a camera that is closed may say so at once."""
@@ -197,8 +197,8 @@ class Vision(NewestView):
 class Eyes:
     """Looks through ``source`` on a thread of its own, and gives every frame to ``vision``. Errors cost frames only.
 
-    Eyes that ``may_rest`` read no frames while nobody has asked for ``LINGER`` seconds what they see. Those that see
-    nobody let frames go by that would not be searched, as long as ``PACE`` allows.
+    Eyes that ``may_rest`` read no frames while nobody has asked for ``LINGER`` seconds what they see. They let
+    frames go by that nobody needs (``Vision.spare``), for ``PACE`` at most.
     """
 
     def __init__(self, source: FrameSource, vision: Vision) -> None:

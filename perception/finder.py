@@ -9,7 +9,7 @@ found counts as a face as long as more searches that are independent of the firs
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf
+from math import hypot, inf
 from typing import Protocol, runtime_checkable
 
 from perception.api import Box, Detection, Image
@@ -41,6 +41,9 @@ EAGER = 8
 
 EMPTY = 8
 """Frames from one search to the next after that, of a picture that is not the one searched before; see Still."""
+
+STEADY = 0.02
+"""How far a face may have moved from one frame to the next that stays in one place, in widths of it: 0.1 m/s."""
 
 TRUST = 3
 """What a face can earn at most: one for each search whose witnesses agree, less one for each that fails."""
@@ -132,6 +135,7 @@ class FaceFinder:
         self._turns = 2  # searches that are due at once: one for those that are close, one for those that are not
         self._vain = 0  # frames in a row without a face
         self._still = Still()
+        self._places: list[tuple[float, float]] = []  # of known faces, as it was last asked what can be spared
 
     def find(self, image: Image | Grey) -> list[Sighting]:
         """Return the faces in the next frame, largest first. Raises ValueError for what is not a picture."""
@@ -158,13 +162,27 @@ class FaceFinder:
     def spare(self, most: int) -> int:
         """Return how many of the next frames, up to ``most``, it need not be shown, and count them as if it had been.
 
-        Nobody is there, and it would search none of them.
+        It would search none of them, and either nobody is there, or a third as many are spared since all known faces
+        have stayed in one place from the frame before to this one.
         """
-        if self._known or self._pause() < EMPTY:
+        before, self._places = self._places, [known.detection.box.centre for known in self._known]
+        pause = self._pause()
+        if self._known:
+            most = most // 3 if self._missing <= 0 and self._steady(before) else 0
+        elif pause < EMPTY:
             return 0
-        spared = max(0, min(most, EMPTY - 1 - self._since_whole))
+        spared = max(0, min(most, pause - 1 - self._since_whole, *(known.due - 1 for known in self._known)))
+        for known in self._known:
+            known.due -= spared
         self._since_whole += spared
         return spared
+
+    def _steady(self, before: Sequence[tuple[float, float]]) -> bool:
+        """Whether all known faces are beyond doubt, and where they were."""
+        return len(before) == len(self._known) and all(
+            known.trust > 0 and hypot(x - was_x, y - was_y) <= STEADY * known.detection.box.width
+            for known, (x, y), (was_x, was_y) in zip(self._known, self._places, before, strict=True)
+        )
 
     def reset(self) -> None:
         """Forget everything: another film begins."""

@@ -2,17 +2,18 @@
 
 import itertools
 from collections.abc import Iterator
-from math import radians
+from math import inf, radians
 from threading import Event
 
 import numpy as np
 import pytest
 
-from perception.api import Frame, Gaze, Image, Thing
+from perception.api import Box, Detection, Frame, Gaze, Image, Thing
 from perception.delay import Delay
 from perception.eyes import PACE, Eyes, Vision
 from perception.finder import EAGER, EMPTY, FaceFinder
 from perception.geometry import Pinhole
+from perception.light import Grey
 from perception.senses import FaceSense, Finder, Senses
 from perception.source import FrameSource
 from perception.tracks import Tracker
@@ -160,3 +161,49 @@ def test_a_scene_that_was_measured_holds_for_a_fifth_of_a_second() -> None:
         vision.see(Picture(number, np.full((48, 64, 3), level, np.uint8), 10.0))
         scenes.append(vision.scene())
     assert [scene and round(scene.brightness) for scene in scenes] == [10, 20, 20, 40]
+
+
+class Walker:
+    """Finds one face, wherever it has walked to: so many pixels to the right for each frame."""
+
+    def __init__(self, step: float) -> None:
+        self.step, self.number, self.searches = step, 0, 0
+
+    @property
+    def picture(self) -> Image:
+        return np.asarray(np.roll(wall(), round(self.step * self.number), axis=1), np.uint8)
+
+    def detect(self, image: Image | Grey, *, smallest: float = 0.0, largest: float = inf) -> list[Detection]:
+        del image, smallest, largest
+        self.searches += 1
+        return [Detection(Box(100.0 + self.step * self.number, 200.0, 80.0, 80.0), 5.0)]
+
+    def near(self, image: Image | Grey, box: Box) -> Detection | None:
+        del box
+        return self.detect(image)[0]
+
+    def watched(self, frames: int, most: int) -> list[int]:
+        """Have so many frames seen; return how many were spared after each that was."""
+        finder, spared = FaceFinder(self), list[int]()
+        while self.number < frames:
+            finder.find(self.picture)
+            spared.append(finder.spare(most))
+            self.number += 1 + spared[-1]
+        return spared
+
+
+def test_of_a_face_that_stays_every_other_frame_is_spared_and_no_search_is_missed() -> None:
+    plain, spared = Walker(0.0), Walker(0.0)
+    assert set(plain.watched(120, 0)) == {0}
+    found = spared.watched(120, 3)
+    assert set(found) == {0, 1}
+    assert found.count(1) > 40
+    assert spared.searches == plain.searches
+
+
+def test_of_a_face_that_walks_none_is_spared() -> None:
+    assert set(Walker(3.0).watched(40, 3)) == {0}
+
+
+def test_of_a_face_at_twenty_frames_a_second_none_is_spared() -> None:
+    assert set(Walker(0.0).watched(40, 2)) == {0}
