@@ -54,7 +54,7 @@ def test_a_hard_push_throws_it_over_as_its_imu_or_its_knees_tell(tmp_path: Path,
 
 SQUARE = """
 tests: walk_square
-with: {robot: humanoid, world: empty, params: {side: 10 cm}}
+with: {robot: humanoid, world: empty, eyes: truth, params: {side: 10 cm}}
 cases:
   - case: a small square
     expect:

@@ -23,6 +23,10 @@ from _pytest.mark import ParameterSet
 from missions.cli.root import guarded, mission
 from missions.library.drivers import load_robot
 from missions.library.shipped import load_mission
+from missions.testing.play import play
+from missions.testing.report import failure
+from missions.testing.stage import IN_PROCESS
+from missions.testing.suite import load_suite
 from tests.missions.command import Process, command
 from tests.perception.people_drawn import pictures
 
@@ -198,8 +202,10 @@ def test_the_files_that_the_readme_shows_load(folder: Path) -> None:
     assert shown.params == shipped.params
 
 
-def test_the_tests_that_the_readme_shows_pass(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert command(capsys, "test", str(folder / "greet.test.yaml")).code == 0
+def test_the_tests_that_the_readme_shows_pass(folder: Path) -> None:
+    verdicts = [play(case, limits=IN_PROCESS) for case in load_suite(folder / "greet.test.yaml")]
+    assert verdicts
+    assert [failure(verdict) for verdict in verdicts if not verdict.passed] == []
 
 
 def test_the_error_that_the_readme_shows_is_the_real_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
