@@ -172,8 +172,9 @@ def test_without_a_script_the_end_of_the_run_is_to_be_read(browser: Browser, fil
     assert not tab.all("slider")
 
 
-@pytest.mark.parametrize("size", [(390, 844), (768, 1024), (1600, 1000)])
-@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize(
+    ("size", "dark"), [((390, 844), False), ((768, 1024), False), ((1600, 1000), True), ((390, 844), True)]
+)
 def test_it_fits_phones_and_desks_by_day_and_by_night(
     browser: Browser, file: Path, size: tuple[int, int], dark: bool
 ) -> None:
