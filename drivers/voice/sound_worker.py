@@ -12,11 +12,14 @@ from collections import deque
 from collections.abc import Generator
 from contextlib import suppress
 from dataclasses import dataclass, field
-from threading import Lock
+from threading import Event, Lock, Thread
 from typing import Any
 
 PERIOD_MS = 20
 """Milliseconds of sound that a device asks for at a time; it has three of them in store, which a halt cannot undo."""
+
+IDLE = 10.0
+"""Seconds of silence after which the device is stopped: it would ask for more of it 50 times a second."""
 
 MAX_DURATION = 600.0
 """Seconds that a file may last, which is decoded as a whole: of WAV files, which may lie, the robot sees to it."""
@@ -50,9 +53,16 @@ class Pipe:
 
 
 class Queue:
-    """What is to be played, first things first. The device's thread takes, the main thread puts in."""
+    """What is to be played, first things first. The device's thread takes, the main thread puts in.
 
-    def __init__(self, pipe: Pipe) -> None:
+    ``silent`` is set once the device, which plays ``rate`` samples a second, was given nothing but silence for so long
+    that it can be stopped.
+    """
+
+    def __init__(self, pipe: Pipe, rate: int = USUAL_RATE) -> None:
+        self.rate = rate
+        self.silent = Event()
+        self._silence = 0  # bytes of it, since something was played
         self._pipe = pipe
         self._lock = Lock()
         self._sounds: deque[Sound] = deque()
@@ -67,6 +77,8 @@ class Queue:
                 self._sounds.append(sound)
             sound.samples += samples
             sound.whole = whole
+            self._silence = 0
+            self.silent.clear()
 
     def drop(self, number: int) -> None:
         """Take a sound out."""
@@ -78,8 +90,14 @@ class Queue:
                     self._over = None if self._over is sound else self._over
                     self._end(sound)
 
+    def primed(self) -> Generator[bytes, int, None]:
+        """Return what gives a device the samples that it asks for, from now on."""
+        playing = self.playing()
+        next(playing)
+        return playing
+
     def playing(self) -> Generator[bytes, int, None]:
-        """Give the device the samples that it asks for; primed as miniaudio wants it."""
+        """Give the device the samples that it asks for; the first is no answer, as miniaudio wants it."""
         wanted = yield b""
         while True:
             wanted = yield self._take(2 * wanted)
@@ -100,6 +118,9 @@ class Queue:
                 if sound.at < len(sound.samples) or not sound.whole:
                     break
                 self._over = self._sounds.popleft()
+            self._silence = 0 if self._sounds or self._over is not None else self._silence + size
+            if self._silence >= 2 * self.rate * IDLE:
+                self.silent.set()
         return bytes(taken.ljust(size, b"\0"))
 
     def _end(self, sound: Sound) -> None:
@@ -107,7 +128,7 @@ class Queue:
 
 
 class Player:
-    """The sound card, at the rate of what it plays."""
+    """The sound card, at the rate of what it plays. It is stopped while there is nothing to be played for long."""
 
     def __init__(self, name: str, backend: str, volume: float, pipe: Pipe) -> None:
         self._name = name
@@ -115,14 +136,17 @@ class Player:
         self._volume = volume
         self._pipe = pipe
         self._queue = Queue(pipe)
+        self._lock = Lock()  # over the device, which is stopped on a thread of its own
         self._device = self._opened(USUAL_RATE)
+        self._closed = False
+        self._idler = Thread(target=self._idle, name="idle", daemon=True)
+        self._idler.start()
 
     def obey(self, message: dict[str, Any], body: bytes) -> None:
         """Do what the robot says."""
         match message:
             case {"play": number, "rate": rate, "last": last}:
-                self._tune(rate)
-                self._queue.add(number, rate, self._louder(body), whole=last)
+                self._add(number, rate, body, whole=last)
                 self._pipe.tell(taken=number)
             case {"file": number, "path": path}:
                 self._decode(number, path)
@@ -141,18 +165,44 @@ class Player:
         except miniaudio.MiniaudioError as error:
             self._pipe.tell(refused=number, why=str(error.args[0]))
         else:
-            self._queue.add(number, rate, self._louder(sound.samples.tobytes()), whole=True)
+            self._add(number, rate, sound.samples.tobytes(), whole=True)
+
+    def _add(self, number: int, rate: int, samples: bytes, *, whole: bool) -> None:
+        """Have samples played, by a device that plays."""
+        with self._lock:
+            if rate != self._device.sample_rate or not self._runs():
+                self._open_anew(rate)
+            self._queue.add(number, rate, self._louder(samples), whole=whole)
+
+    def _runs(self) -> bool:
+        """Start the device where it was stopped; say whether it plays."""
+        with suppress(miniaudio.MiniaudioError):
+            if not self._device.running:
+                self._device.start(self._queue.primed())
+        return bool(self._device.running)
+
+    def _open_anew(self, rate: int) -> None:
+        self._device.close()
+        self._device = self._opened(rate)
+
+    def _idle(self) -> None:
+        """Stop the device whenever it has been silent for long."""
+        while self._queue.silent.wait():
+            with self._lock:
+                if self._closed:
+                    return
+                if self._queue.silent.is_set():
+                    self._queue.silent.clear()
+                    try:
+                        self._device.stop()
+                    except miniaudio.MiniaudioError:
+                        self._open_anew(self._device.sample_rate)
 
     def _louder(self, samples: bytes) -> bytes:
         if self._volume == 1.0:
             return samples
         values = array("h", samples)
         return array("h", (min(max(int(value * self._volume), -32768), 32767) for value in values)).tobytes()
-
-    def _tune(self, rate: int) -> None:
-        if rate != self._device.sample_rate:
-            self._device.close()
-            self._device = self._opened(rate)
 
     def _opened(self, rate: int) -> "miniaudio.PlaybackDevice":
         """Return the device, playing; where there is none, say why and return one that plays into nothing."""
@@ -164,9 +214,8 @@ class Player:
             self._pipe.tell(mute=f"no sound card that plays: {error.args[0]}")
             self._name = ""
             device = self._device_of(rate, [miniaudio.Backend.NULL])
-        playing = self._queue.playing()
-        next(playing)
-        device.start(playing)
+        self._queue.rate = rate
+        device.start(self._queue.primed())
         return device
 
     def _device_of(self, rate: int, backends: "list[miniaudio.Backend] | None") -> "miniaudio.PlaybackDevice":
@@ -198,7 +247,11 @@ class Player:
 
     def close(self) -> None:
         """Let the device go."""
-        self._device.close()
+        with self._lock:
+            self._closed = True
+            self._device.close()
+        self._queue.silent.set()
+        self._idler.join()
 
 
 def _seconds_of(path: str) -> float:

@@ -11,6 +11,7 @@ from subprocess import PIPE, Popen
 from threading import Thread
 from typing import Any
 
+import miniaudio
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -353,6 +354,26 @@ def test_a_text_that_is_wanted_no_more_is_left_where_it_is() -> None:
             said += [head for head, _ in unframer.feed(data)]
         process.stdin.close()
     assert [message.get("id") for message in said] == [None, 1]
+
+
+def test_a_device_is_stopped_that_has_long_been_silent_and_plays_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sound_worker, "miniaudio", miniaudio, raising=False)
+    monkeypatch.setattr(sound_worker, "IDLE", 0.05)
+    pipe = Told()
+    player = sound_worker.Player("", "null", 1.0, pipe)
+    try:
+        for number, rate in enumerate((22_050, 22_050, 16_000)):
+            wait_until(lambda: not player._device.running)
+            player.obey({"play": number, "rate": rate, "last": True}, bytes(2 * rate // 10))
+            wait_until(lambda: any("ended" in said for said in pipe.said))
+            assert sorted(key for said in pipe.said for key in said if key != "seconds") == [
+                "ended",
+                "started",
+                "taken",
+            ]
+            pipe.said.clear()
+    finally:
+        player.close()
 
 
 def test_the_volume_makes_louder_and_softer_up_to_the_full_range() -> None:
