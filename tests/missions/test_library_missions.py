@@ -219,12 +219,6 @@ def test_look_around_looks_to_both_sides_and_ahead_again() -> None:
     assert pans == pytest.approx([math.radians(40), math.radians(-40), 0.0], abs=1e-3)
 
 
-def test_look_around_gives_up_on_a_head_that_takes_too_long() -> None:
-    ran = Ran("look_around", {"patience": "100 ms"})
-    assert ran.result.result == "failure"
-    assert "timed out after" in ran.result.reason
-
-
 def test_look_away_turns_the_camera_from_the_blank_ceiling(tmp_path: Path) -> None:
     mission = tmp_path / "up.yaml"
     mission.write_text("mission: up\ntree:\n  sequence:\n    - look: {tilt: -60 deg}\n    - mission: look_away\n")
@@ -265,17 +259,6 @@ def test_follow_me_stops_when_it_bumps_into_something() -> None:
     ran = Ran("follow_me", far, world="two_people", simulate="wire", when=begins("follow_person"), then=bump)
     assert (ran.result.result, ran.result.reason) == ("failure", "bumped into something")
     assert ran.commands("base")[-1]["linear"] == 0.0
-
-
-def test_patrol_goes_round_and_greets_once_whom_it_meets(tmp_path: Path) -> None:
-    world = tmp_path / "ahead.yaml"
-    world.write_text("world: ahead\npeople:\n  - {name: Ben, look: ben, at: [1.5 m, 0.2 m]}\n")
-    figure = {"rounds": "1", "corners": "2", "side": "2 cm", "turn_speed": "110 deg/s"}
-    ran = Ran("patrol", figure | {"look": "5 deg", "greeting": "All is well"}, world=str(world))
-    assert (ran.result.result, ran.result.reason) == ("success", "")
-    assert ran.said == ["All is well, Ben!"]
-    assert ran.ends("drive") == ["success", "success"]
-    assert ran.ends("turn") == ["success", "success"]
 
 
 @pytest.mark.real_time

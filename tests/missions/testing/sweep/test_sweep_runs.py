@@ -59,13 +59,6 @@ def test_opencv_keeps_to_one_thread_while_a_worker_runs_and_no_longer(tmp_path: 
     assert cv2.getNumThreads() == before
 
 
-def test_the_rows_are_the_same_from_one_process_and_from_two(tmp_path: Path) -> None:
-    sweep = labour.glance(tmp_path)
-    here = run_some(sweep, range(12))
-    assert by_seed(list(run_here(sweep, range(12), 2))) == here
-    assert multiprocessing.active_children() == []
-
-
 def test_a_run_that_kills_its_worker_gets_a_row_and_costs_no_other(tmp_path: Path) -> None:
     sweep = labour.glance(tmp_path)
     rows = by_seed(list(run_here(sweep, range(16), 1, work=labour.deadly)))
