@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from py_trees.common import Status
 
 from behaviours.leaf import argument
-from behaviours.meeting import is_same
 from behaviours.seeing import LATELY, Seeing
-from behaviours.sight import KEPT, chosen
+from behaviours.sight import KEPT, chosen, is_same
 from perception.api import Face
 
 GONE = 1.0

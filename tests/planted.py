@@ -58,7 +58,7 @@ FAULTS = (
     Planted("head's goals not clamped", "drivers/sim/twins/head.py", "self.limits.clamp(target)", "target"),
     Planted(
         "joints' goals not clamped",
-        "drivers/dynamixel/clamping.py",
+        "drivers/dynamixel/commanded.py",
         "accepted[name] = joint.clamp(goal)",
         "accepted[name] = goal",
     ),

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 
 from behaviours.leaf import argument
-from behaviours.meeting import may_be
-from behaviours.sight import KEPT, chosen
+from behaviours.sight import KEPT, chosen, may_be
 from behaviours.tracking.rules import RuleBases
 from behaviours.tracking.track import Track
 from perception.api import Face, Percept

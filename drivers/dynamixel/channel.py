@@ -9,8 +9,7 @@ from drivers.clock import Clock
 from drivers.delays import Delays
 from drivers.dynamixel.adapter import Dial, Line, open_line
 from drivers.dynamixel.codec import Codec, Reply, codecs
-from drivers.dynamixel.exchange import Exchange
-from drivers.dynamixel.overdue import Overdue, Wanted
+from drivers.dynamixel.overdue import Exchange, Overdue, Wanted
 from drivers.dynamixel.units import RETURN_DELAY_STEP, Framing
 from drivers.dynamixel.wire import REFUSAL, Fault, Packet
 from drivers.errors import BadRequest, NotConnected

@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 from drivers.api import Coupling
 from drivers.api.following import Following
 from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.clamping import Clamping
+from drivers.dynamixel.commanded import Clamping
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.telling import Telling
 from drivers.dynamixel.torque import go

@@ -9,7 +9,7 @@ from drivers.finding.asking import OpenedPort
 from drivers.kobuki.commands import Extra, RequestExtra
 from drivers.kobuki.declared import KobukiKeys
 from drivers.kobuki.feedback import FEEDBACK, Core, FirmwareVersion
-from drivers.kobuki.senses import EMPTY_VOLTAGE, LOW_VOLTAGE
+from drivers.kobuki.odometry import EMPTY_VOLTAGE, LOW_VOLTAGE
 from drivers.kobuki.wire import FrameFinder, Part, decode, encode
 
 LISTEN = 0.5

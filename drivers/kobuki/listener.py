@@ -8,7 +8,7 @@ from drivers.api.quick import dataclass
 from drivers.delays import Delays
 from drivers.kobuki.commands import Extra
 from drivers.kobuki.feedback import FEEDBACK, Core, DockInfrared, FirmwareVersion, HardwareVersion, Inertia, UniqueId
-from drivers.kobuki.senses import Senses
+from drivers.kobuki.odometry import Senses
 from drivers.kobuki.wire import FrameFinder, decode
 
 

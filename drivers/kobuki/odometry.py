@@ -1,9 +1,14 @@
-"""Where the base is: distance from the wheels' encoders, heading from the gyro. Frames and signs as in REP 105, 103."""
+"""From the reports of the Kobuki to the state of a base, and to what is worth telling of a change.
 
+Where it is: distance from the wheels' encoders, heading from the gyro. Frames and signs as in REP 105, 103.
+"""
+
+from functools import cache
 from math import cos, radians, sin
 
-from drivers.api import STILL, Pose2D, Velocity
-from drivers.kobuki.feedback import METRES_PER_TICK, Core, Inertia
+from drivers.api import STILL, BaseState, DockBeam, DockSignals, Pose2D, Sides, Velocity
+from drivers.api.quick import dataclass
+from drivers.kobuki.feedback import DROPPED_LEFT, DROPPED_RIGHT, METRES_PER_TICK, Core, DockInfrared, Inertia, Side
 
 GAP = 1.0
 """Seconds without a report after which the encoders' difference means nothing: the base may have been switched off
@@ -59,3 +64,108 @@ class Odometry:
 def _wrap(difference: int, period: int) -> int:
     """Return the difference of two counters that wrap at ``period``, as the shorter way round."""
     return (difference + period // 2) % period - period // 2
+
+
+FULL_VOLTAGE, EMPTY_VOLTAGE = 16.5, 13.2
+LOW_VOLTAGE = 14.0
+"""The vendor's driver calls the battery full, dangerously empty and low at these."""
+
+NO_DOCK = DockSignals()
+
+
+class Senses:
+    """Keeps what one report alone does not tell: the pose, the last heading, and how full the battery gets."""
+
+    def __init__(self) -> None:
+        self.odometry = Odometry()
+        self._inertia: Inertia | None = None
+        self._full_voltage = FULL_VOLTAGE
+        self._dock = DockInfrared()
+
+    def update(
+        self, core: Core | None, inertia: Inertia | None, now: float, dock: DockInfrared | None = None
+    ) -> BaseState | None:
+        """Take the parts of one frame that came at ``now``; return the state, None when they do not make one.
+
+        A frame whose inertial part was lost keeps the heading; the next one catches up.
+        """
+        self._inertia = inertia or self._inertia
+        self._dock = dock or self._dock
+        if core is None or self._inertia is None:
+            return None
+        self.odometry.update(core, self._inertia, now)
+        if core.full and core.voltage > LOW_VOLTAGE:
+            self._full_voltage = core.voltage
+        return BaseState(
+            pose=self.odometry.pose,
+            velocity=self.odometry.velocity,
+            bumper=_sides(core.bumper),
+            cliff=_sides(core.cliff),
+            wheel_drop=_wheels(core.wheel_drop, left=DROPPED_LEFT, right=DROPPED_RIGHT),
+            buttons=_buttons(core.buttons),
+            battery_voltage=core.voltage,
+            battery_percent=battery_percent(core.voltage, self._full_voltage),
+            charging=core.charging,
+            docked=core.docked,
+            dock=_heard(self._dock),
+            overcurrent=_wheels(core.overcurrent, left=1, right=2),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What is new since the state before.
+
+    ``faults`` says in words what the base now refuses; ``felt`` is True when any contact or button changed.
+    """
+
+    faults: tuple[str, ...]
+    felt: bool
+
+
+def compare(before: BaseState | None, after: BaseState) -> Change:
+    """Compare two states; before the first one nothing was felt."""
+    faults = []
+    if drop := _risen(before.wheel_drop if before else Sides(), after.wheel_drop):
+        faults.append(f"wheel drop {drop}: it does not drive")
+    if cliff := _risen(before.cliff if before else Sides(), after.cliff):
+        faults.append(f"cliff {cliff}: it does not drive forward")
+    return Change(tuple(faults), _contacts(before) != _contacts(after))
+
+
+def battery_percent(voltage: float, full_voltage: float = FULL_VOLTAGE) -> float:
+    """Return the charge in 0..100 percent by the straight line of the vendor's driver: 5 at empty, 100 at full."""
+    return min(max(5 + 95 * (voltage - EMPTY_VOLTAGE) / (full_voltage - EMPTY_VOLTAGE), 0.0), 100.0)
+
+
+def _heard(dock: DockInfrared) -> DockSignals:
+    if not (dock.left or dock.centre or dock.right):
+        return NO_DOCK
+    return DockSignals(DockBeam(dock.left), DockBeam(dock.centre), DockBeam(dock.right))
+
+
+@cache
+def _sides(bits: int) -> Sides:
+    return Sides(left=bool(bits & Side.LEFT), centre=bool(bits & Side.CENTRE), right=bool(bits & Side.RIGHT))
+
+
+@cache
+def _wheels(bits: int, *, left: int, right: int) -> Sides:
+    return Sides(left=bool(bits & left), right=bool(bits & right))
+
+
+@cache
+def _buttons(bits: int) -> frozenset[int]:
+    return frozenset(number for number in range(3) if bits >> number & 1)
+
+
+def _risen(before: Sides, after: Sides) -> str:
+    """Name the sides that have come on."""
+    names = ("left", "centre", "right")
+    return " and ".join(name for name in names if getattr(after, name) and not getattr(before, name))
+
+
+def _contacts(state: BaseState | None) -> tuple[Sides, Sides, Sides, frozenset[int]]:
+    if state is None:
+        return Sides(), Sides(), Sides(), frozenset()
+    return state.bumper, state.cliff, state.wheel_drop, state.buttons

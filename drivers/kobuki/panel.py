@@ -4,8 +4,7 @@ from threading import RLock
 
 from drivers.api import Lamp, Tune
 from drivers.kobuki.commands import SetOutputs, SoundSequence
-from drivers.kobuki.outputs import Outputs
-from drivers.kobuki.requests import TUNES, check_light, tone
+from drivers.kobuki.requests import TUNES, Outputs, check_light, tone
 from drivers.kobuki.wire import encode
 from drivers.link import Link
 

@@ -25,8 +25,8 @@ from drivers.errors import BadRequest, NotConnected
 from drivers.guard import guarded
 from drivers.history import History
 from drivers.kobuki.limits import Limits
+from drivers.kobuki.odometry import compare
 from drivers.kobuki.requests import check, require
-from drivers.kobuki.senses import compare
 from drivers.kobuki.velocity_multiplexer import VelocityMultiplexer
 
 

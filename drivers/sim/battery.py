@@ -1,6 +1,6 @@
 """The battery of a simulated base: what is left in it, and the voltage that the base reports."""
 
-from drivers.kobuki.senses import EMPTY_VOLTAGE, FULL_VOLTAGE
+from drivers.kobuki.odometry import EMPTY_VOLTAGE, FULL_VOLTAGE
 
 CAPACITY = 2.2 * 3600
 """Ampere-seconds in a full one: the smaller of the vendor's two."""

@@ -8,10 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.tracking.fuzzy import Controller, Rule
-from behaviours.tracking.outputs import Sets, Singletons
-from behaviours.tracking.table import Table
-from behaviours.tracking.terms import Membership, Variable
+from behaviours.tracking.fuzzy import Controller, Rule, Table
+from behaviours.tracking.terms import Membership, Sets, Singletons, Variable
 
 ERROR = {"right": -10.0, "centred": 0.0, "left": 20.0}
 RATE = {"rightward": -5.0, "leftward": 5.0}

@@ -9,8 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from behaviours.tracking.fuzzy import CONJUNCTIONS, Controller, Rule
-from behaviours.tracking.outputs import Sets, Singletons
-from behaviours.tracking.terms import Membership, Variable
+from behaviours.tracking.terms import Membership, Sets, Singletons, Variable
 
 pytestmark = pytest.mark.filterwarnings("ignore:Passing more than 2 positional arguments:DeprecationWarning")
 

@@ -7,8 +7,7 @@ import pytest
 from py_trees.common import Status
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
-from behaviours.meeting import Meeting
-from behaviours.sight import FaceCentred, FindFace
+from behaviours.sight import FaceCentred, FindFace, Meeting
 from drivers.api import BaseState, HeadPose, Pose2D, Velocity
 from missions.testing.recorders import Bench, face, good
 

@@ -6,8 +6,7 @@ import pytest
 
 from behaviours.identify import GONE, Identify
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
-from behaviours.meeting import Meeting, is_same, may_be
-from behaviours.sight import DECIDING, FaceCentred, FacesAtLeast, FaceSeen, FindFace
+from behaviours.sight import DECIDING, FaceCentred, FacesAtLeast, FaceSeen, FindFace, Meeting, is_same, may_be
 from behaviours.tracking.track_face import TrackFace
 from drivers.api import Pose2D
 from missions.executive.state import FaceState

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.kobuki.senses import FULL_VOLTAGE, battery_percent
+from drivers.kobuki.odometry import FULL_VOLTAGE, battery_percent
 from drivers.sim.battery import CAPACITY, CHARGING, RESISTANCE, Battery
 from drivers.sim.load import OVERLOAD, current
 

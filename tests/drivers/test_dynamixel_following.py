@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from drivers.api import Coupling, DeviceStatus
 from drivers.api.following import FOLLOWING_TOLERANCE, PAUSE, RUN_IN, Following
-from drivers.dynamixel.clamping import EPISODE, Clamping
+from drivers.dynamixel.commanded import EPISODE, Clamping
 from drivers.dynamixel.joint import Joint, JointSpec
 from drivers.dynamixel.models import MODELS
 from drivers.dynamixel.pace import WINDOW, Pace

@@ -31,8 +31,7 @@ from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, Extra, GetGai
 from drivers.kobuki.driver import DOZE, SILENT_AFTER, TIMES, KobukiBase
 from drivers.kobuki.feedback import FEEDBACK, METRES_PER_TICK, Core, Gains, Inertia
 from drivers.kobuki.limits import Limits
-from drivers.kobuki.odometry import Odometry
-from drivers.kobuki.senses import Senses, battery_percent
+from drivers.kobuki.odometry import Odometry, Senses, battery_percent
 from drivers.kobuki.wire import BAUD, HEADER, FrameFinder, Part, decode, encode
 from drivers.link import Link, Talker
 from drivers.sim.body import COMMAND_TIMEOUT

@@ -17,7 +17,7 @@ from drivers.clock import ManualClock
 from drivers.dynamixel.joint import JointSpec
 from drivers.errors import BadRequest, NotConnected
 from drivers.kobuki.driver import KobukiBase
-from drivers.kobuki.senses import battery_percent
+from drivers.kobuki.odometry import battery_percent
 from drivers.link import Link, Talker
 from drivers.sim.body import Body
 from drivers.sim.timeline import Timeline

@@ -18,7 +18,7 @@ from drivers.kobuki.feedback import (
     Inputs,
     MotorCurrent,
 )
-from drivers.kobuki.senses import Senses, battery_percent
+from drivers.kobuki.odometry import Senses, battery_percent
 from drivers.kobuki.wire import FrameFinder, Part, decode, encode
 from drivers.sim.battery import RESISTANCE, Battery
 from drivers.sim.dock import SIZE, Dock

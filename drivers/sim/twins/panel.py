@@ -1,8 +1,7 @@
 """What the twin of a Kobuki has beside its wheels: tunes and lights, noted where nobody hears or sees them."""
 
 from drivers.api import Lamp, Tune
-from drivers.kobuki.outputs import LIGHTS
-from drivers.kobuki.requests import check_light, tone
+from drivers.kobuki.requests import LIGHTS, check_light, tone
 from drivers.sim.twins.plug import Plug
 
 

@@ -12,9 +12,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from behaviours.tracking.fuzzy import Controller
-from behaviours.tracking.outputs import Sets
 from behaviours.tracking.rules import RuleBases, controllers
-from behaviours.tracking.terms import Variable
+from behaviours.tracking.terms import Sets, Variable
 from config.controller import ControllerConfig
 from missions.testing.controllers.bench import Row
 from missions.testing.controllers.scenario import Body

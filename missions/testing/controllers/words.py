@@ -4,8 +4,8 @@ import math
 from collections.abc import Iterator, Mapping
 
 from behaviours.tracking.fuzzy import Controller
-from behaviours.tracking.outputs import Sets
 from behaviours.tracking.rules import controllers
+from behaviours.tracking.terms import Sets
 from config.controller import ControllerConfig
 
 UNITS: Mapping[str, tuple[str, float]] = {
