@@ -19,6 +19,10 @@ from drivers.errors import NotConnected
 from drivers.guard import guarded
 from drivers.link import Link
 
+DOZE = 0.1
+"""Seconds from one look at the wire to the next while nothing is to be sent; a sketch with encoders tells of them more
+often than that."""
+
 STALE = 0.5
 """Seconds after which what the encoders measured is stale: the sketch says it every 50 ms."""
 
@@ -126,6 +130,8 @@ class Board:
             session = self._session
             if session is not None and session.topic is not None and self.sure:
                 self._send(session, session.topic, (device,))
+                return
+        self._link.wake()
 
     @property
     def sure(self) -> bool:
@@ -193,22 +199,25 @@ class Board:
         if self._session is not None:
             self._session.received(data)
 
-    def pulse(self) -> None:
-        """Let the session do what is due, and every device say what to send."""
+    def pulse(self) -> float | None:
+        """Let the session do what is due, and every device say what to send; doze while that is nothing."""
         session = self._session
         if session is None:
-            return
+            return None
         session.pulse()
         if session.topic is None:
             self._lose()
-            return
+            return None
         with self._lock:
             now, life, session.life = self._clock.now(), session.life, None
             if self._absence.heard(now, anew=life is Life.ANEW) and life is not Life.ANEW:
                 self._lose()
             if life is not None:
                 self._settle(life, session)
-            self._send(session, session.topic, self._devices)
+            rests = self._send(session, session.topic, self._devices)
+            dozes = rests and session.vigil.asked_at is None and not session.later
+            session.vigil.dozing = min(DOZE, self._absence.shortest / 3) if dozes else 0.0
+        return session.vigil.dozing
 
     def ending(self) -> None:
         """Tell the board to stop sending, and remember where it was left."""
@@ -241,21 +250,25 @@ class Board:
             for index, angle in device.stands(self._sent, later=session.later).items()
         }
 
-    def _send(self, session: Session, topic: int, devices: tuple[Mounted, ...]) -> None:
-        """Send what is due, if it is sure that the board is the one that we know; else ask the board first."""
+    def _send(self, session: Session, topic: int, devices: tuple[Mounted, ...]) -> bool:
+        """Send what is due, if it is sure that the board is the one that we know; else ask the board first.
+
+        Say whether it rests: nothing is to be sent, and nothing was a moment ago.
+        """
         now = self._clock.now()
         if not self._met:
-            return
+            return False
         if not session.vigil.sure(now):
             waiting = [device.waits(now) for device in devices]
             if any(waiting):
                 session.reassure()
-            return
+            return not any(waiting)
         angles = [angle for device in devices for angle in device.due(now)]
         if angles:
             self._sent.update((angle.index, angle.angle) for angle in angles)
             session.vigil.sent(len(angles), now)
             self._write(topic, angles)
+        return False
 
     def _write(self, topic: int, angles: list[wire.ServoAngle]) -> None:
         self._link.write(wire.NUDGE + b"".join(wire.Frame(topic, angle.pack()).pack() for angle in angles))

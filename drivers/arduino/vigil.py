@@ -40,7 +40,8 @@ class Vigil:
     """Watches one connection, ``before`` the one before it, if there was one.
 
     ``met`` is until when the board remembers us for sure, None for one that we have never known; ``asked_at`` when the
-    probe was sent that is not answered yet, None for none; ``deaf`` is set once one was not.
+    probe was sent that is not answered yet, None for none; ``deaf`` is set once one was not. ``dozing`` is for how
+    long (s) nobody means to look.
     """
 
     def __init__(self, before: "Vigil | None" = None) -> None:
@@ -50,6 +51,7 @@ class Vigil:
         self._proved_at = -inf  # when it was in step for sure
         self._probed_at = -inf
         self._looked_at: float | None = None
+        self.dozing = 0.0
         self._known_from = -inf  # what is read now has come since then
         self._own = False  # it has known us on this connection
         self._doubt = False  # we were held up, and it has not answered since
@@ -71,7 +73,7 @@ class Vigil:
     def look(self, now: float) -> None:
         """To be called before whatever is read, and between: who was held up reads what is old."""
         before, self._looked_at = self._looked_at, now
-        held_up = self._late = before is not None and now - before > FRESH
+        held_up = self._late = before is not None and now - before > FRESH + self.dozing
         self._known_from = -inf if before is None or held_up else before
         if held_up:
             self._proved_at, self._doubt = -inf, True

@@ -177,8 +177,10 @@ class KobukiBase(SteeredBase, Panel):
         return DOZE if self._dozing and not self._mux.waiting else None
 
     def _rests(self, now: float) -> bool:
-        """Whether it has long stood, and is to stand."""
-        return now - self._moved_at >= SETTLED and not self._mux.alert and not self.identity.missing
+        """Whether it has long stood, and is to stand; who counts the shortest of absences wants every report."""
+        mux = self._mux
+        long_stood = now - self._moved_at >= SETTLED and mux.absence.shortest > 3 * DOZE
+        return long_stood and not mux.alert and not self.identity.missing
 
     def ending(self) -> None:
         """Stand still, as the last word of a thread that may have been cut short."""

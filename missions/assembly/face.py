@@ -15,6 +15,7 @@ from drivers.api import (
     Report,
     Screen,
     Shown,
+    Utterance,
     Voice,
     ignore,
 )
@@ -36,8 +37,8 @@ OPENINGS = {
 SYLLABLES = 4.0
 """Times a second that the mouth opens where nobody knows its shapes."""
 
-FRAME = 1 / 30
-"""Seconds from one look of the mouth to the next."""
+FRAME, QUIET = 1 / 30, 0.1
+"""Seconds from one look of the mouth to the next, while something is to be said and while nothing is."""
 
 
 def real_face(place: "Place", section: Section, made: Mapping[str, Any]) -> tuple[Device, Screen]:
@@ -65,15 +66,16 @@ class Lips:
         self._clock = clock
         self._moving = False
 
-    def step(self) -> None:
-        """Look at what is said now."""
-        opening = self._opening()
+    def step(self) -> float:
+        """Look at what is said now; return the seconds until the next look."""
+        said = self._voice.speaking()
+        opening = self._opening(said)
         if opening or self._moving:
             self._screen.mouth(opening)
         self._moving = opening > 0
+        return QUIET if said is None else FRAME
 
-    def _opening(self) -> float:
-        said = self._voice.speaking()
+    def _opening(self, said: Utterance | None) -> float:
         started = None if said is None else said.started
         if said is None or started is None:
             return 0.0
@@ -129,5 +131,6 @@ class LivelyScreen:
         self._screen.close()
 
     def _run(self, lips: Lips) -> None:
-        while not self._ending.wait(FRAME):
-            lips.step()
+        pause = FRAME
+        while not self._ending.wait(pause):
+            pause = lips.step()

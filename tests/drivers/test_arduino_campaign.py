@@ -50,6 +50,7 @@ class Line(Link):
         self.plugged = False
         self.talker: Talker | None = None
         self._arrived = b""
+        self._doze = 0.0
 
     @property
     def online(self) -> bool:
@@ -69,6 +70,9 @@ class Line(Link):
             raise NotConnected("head: /dev/nano: no such device")
         self._keep(self.device.feed(data, self.clock.now()))
 
+    def wake(self) -> None:
+        self._doze = 0.0
+
     def _keep(self, data: bytes) -> None:
         self._arrived = (self._arrived + data)[:KERNEL]
 
@@ -83,13 +87,13 @@ class Line(Link):
         """Let time pass; the link's thread serves the port now and then, or is held up."""
         end = self.clock.now() + seconds
         while self.clock.now() < end:
-            self.clock.advance(self.random.uniform(0.003, 0.045) if served else 0.02)
+            self.clock.advance(self._doze + self.random.uniform(0.003, 0.045) if served else 0.02)
             self._keep(self.device.poll(self.clock.now()) if self.plugged else b"")
             if served and self.plugged and self.talker is not None:
                 data, self._arrived = self._arrived, b""
                 if data:
                     self.talker.received(data)
-                self.talker.pulse()
+                self._doze = self.talker.pulse() or 0.0
 
 
 class Trial:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from drivers.api import DeviceStatus, Head, HeadPose, Health, Quality
 from drivers.arduino import wire
 from drivers.arduino.axis import STARTS, ServoAxis
-from drivers.arduino.board import Board
+from drivers.arduino.board import DOZE, Board
 from drivers.arduino.driver import ArduinoHead
 from drivers.arduino.memory import Memory
 from drivers.clock import ManualClock, SystemClock
@@ -175,6 +175,8 @@ class Wire(Link):
         self.noise = b""
         self.deaf_until = 0.0
         self._pending = b""
+        self.served = 0
+        self._dozes_until = 0.0
 
     @property
     def online(self) -> bool:
@@ -204,15 +206,22 @@ class Wire(Link):
         self.plugged = True
         self.talker.connected()
 
+    def wake(self) -> None:
+        self._dozes_until = 0.0
+
     def run(self, seconds: float) -> None:
-        """Pulse every 20 ms, as the link's thread does."""
+        """Pulse every 20 ms, as the link's thread does, or as seldom as the board wants it."""
         for _ in range(round(seconds / 0.02)):
             self.clock.advance(0.02)
-            data = self.noise + self._pending + self.device.poll(self.clock.now())
+            self._pending += self.device.poll(self.clock.now())
+            if self.clock.now() < self._dozes_until - 1e-9:
+                continue
+            data = self.noise + self._pending
             self.noise = self._pending = b""
             if data and self.clock.now() >= self.deaf_until:
                 self.talker.received(data)
-            self.talker.pulse()
+            self._dozes_until = self.clock.now() + (self.talker.pulse() or 0.0)
+            self.served += 1
 
     def said(self) -> bytes:
         """Return what the computer has sent since this was asked last, but for what asks whether the board is there."""
@@ -276,6 +285,38 @@ def bench(
 def test_the_head_is_a_head() -> None:
     head: Head = bench().head
     assert (head.name, head.limits.pan, head.limits.speed) == ("head", PAN.range, 1.0)
+
+
+def test_at_rest_the_wire_is_looked_at_seldom_until_the_head_is_to_look_somewhere() -> None:
+    b = bench()
+    b.begin()
+    b.link.run(12.0)  # the board asks for the time again and again
+    b.link.served = 0
+    b.link.run(5.0)
+    assert b.link.served == pytest.approx(5.0 / DOZE, abs=10)
+    b.head.look(HeadPose(radians(30), 0.0))
+    b.link.run(0.1)
+    assert b.link.device.commands
+    b.link.run(1.0)
+    pose = b.head.pose().value
+    assert pose is not None
+    assert pose.pan == pytest.approx(radians(30))
+    b.link.served = 0
+    b.link.run(1.0)
+    assert b.link.served == pytest.approx(1.0 / DOZE, abs=3)
+    assert [notice.kind for notice in b.notices] == ["online"]
+
+
+def test_a_board_that_starts_anew_while_the_head_rests_is_known_to_have_done_so() -> None:
+    b = bench()
+    b.begin()
+    b.link.run(12.0)
+    b.link.device.reset(b.clock.now())
+    b.link.run(5.0)
+    b.head.look(HeadPose(radians(30), 0.0))
+    b.link.run(3.0)
+    assert any("the board has started anew" in notice.what for notice in b.notices)
+    assert not b.head.latched
 
 
 def test_it_waits_out_the_boot_then_asks_then_goes_to_the_start_pose_and_sends_nothing_more() -> None:
