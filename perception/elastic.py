@@ -2,9 +2,10 @@
 
 Faces differ in how they are turned, what they express, and how the detector has framed them, so a patch may lie a
 little beside its place (elastic matching: Hua and Akbarzadeh, 2009), and each may be found in another picture of the
-same person (image-to-class distance: Boiman, Shechtman and Irani, 2008). The likeness of a face to a person is the mean
-of the cosines of the best matches. Of the likeness to the nearest person a part of that to the next one is taken: what
-is a little like everybody is a poor picture, or a stranger (cohort normalisation).
+same person (image-to-class distance: Boiman, Shechtman and Irani, 2008). The likeness of a face to a person is 1 less
+the mean distance of the best matches, which heeds less than its square would the few patches that glasses or a shadow
+have changed. Of the likeness to the nearest person a part of that to the next one is taken: what is a little like
+everybody is a poor picture, or a stranger (cohort normalisation).
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,10 +29,10 @@ PLACES = CELLS // WINDOW
 RIVAL = 0.3
 """The part of the likeness to the next person that is taken from that to the nearest."""
 
-ALONE = 0.92
-"""Likeness to the next person that is assumed where only one is known: as those of strangers mostly are."""
+ALONE = 0.715
+"""Likeness to the next person that is assumed at least, also where only one is known: that of strangers mostly."""
 
-MEAN, DEVIATION = 0.65, 0.0065
+MEAN, DEVIATION = 0.522, 0.0095
 """Mean score of looks at strangers, and their standard deviation, as far as nothing else is known."""
 
 WEIGHT = 20
@@ -40,10 +41,10 @@ WEIGHT = 20
 ABOVE = 2.33
 """Standard deviations above that mean from which on somebody is known: 1 in 100 strangers, were scores normal."""
 
-FEW, ABOVE_FEW = 3, 3.25
+FEW, ABOVE_FEW = 3, 4.75
 """The same where fewer persons are compared: a wrong name is worse than none, and few say little of what strangers
-score. The least, in steps of a quarter, with which at most 3 in 100 looks at strangers passed of ten people of the
-ORL database, and of four in films, with one of them known and with two (docs/people.md)."""
+score, so that ``MEAN`` and ``DEVIATION`` are the least then. With one and with two known, no look in 100 at strangers
+passed then of ten people of the ORL database, and of four in films, who look alike (docs/people.md)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,17 +92,17 @@ class Gallery:
         return Look(name, margin if name else -abs(margin))
 
     def _matches(self, face: Patches) -> npt.NDArray[np.float32]:
-        """Return how well each patch of a face is found in each template, as cosines: (places, templates)."""
+        """Return how well each patch of a face is found in each template, up to 1: (places, templates)."""
         sought = face[WINDOW // 2 :: WINDOW, WINDOW // 2 :: WINDOW].reshape(PLACES**2, DEPTH, 1)
         cosines = np.matmul(self._windows, sought).reshape(PLACES**2, -1, WINDOW**2)
-        return np.asarray(cosines.max(axis=2), np.float32)
+        return np.asarray(1 - np.sqrt(np.maximum(1 - cosines.max(axis=2), 0)), np.float32)
 
     def _nearest(self, matches: npt.NDArray[np.float32], among: npt.NDArray[np.bool_]) -> tuple[str, float]:
         """Return who of the people with some templates ``among`` all is nearest, and the score; with nobody, ""."""
         owners = np.unique(self._owners[among])
         likeness = [float(matches[:, among & (self._owners == owner)].max(axis=1).mean()) for owner in owners]
         order = np.argsort(likeness)[::-1]
-        rival = likeness[order[1]] if len(order) > 1 else ALONE
+        rival = max([ALONE, *(likeness[each] for each in order[1:2])])
         first = owners[order[0]]
         return self.names[first] if first < len(self.names) else "", likeness[order[0]] - RIVAL * rival
 
@@ -120,9 +121,11 @@ class Gallery:
                     known.append((found == name, score))
         if strangers:
             seen = len(strangers)
-            self._mean = (WEIGHT * MEAN + seen * float(np.mean(strangers))) / (WEIGHT + seen)
+            mean = (WEIGHT * MEAN + seen * float(np.mean(strangers))) / (WEIGHT + seen)
             variance = (WEIGHT * DEVIATION**2 + seen * float(np.var(strangers))) / (WEIGHT + seen)
-            self._deviation = variance**0.5
+            few = self._above == ABOVE_FEW
+            self._mean = max(mean, MEAN) if few else mean
+            self._deviation = max(variance**0.5, DEVIATION) if few else variance**0.5
         threshold = self._mean + self._above * self._deviation
         refused = [not right or score <= threshold for right, score in known]
         accepted = [score > threshold for score in strangers]

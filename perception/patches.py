@@ -2,9 +2,10 @@
 
 The light is taken out first (Tan and Triggs: Enhanced local texture feature sets for face recognition under difficult
 lighting conditions, 2010): a root brings dark parts forward, the surroundings of each pixel are taken from it, and the
-contrast is made the same everywhere. What is left is described as by dense SIFT (Lowe, 2004), with the directions of
-edges but not their signs: beside a lamp what was dark becomes bright. Square roots make the cosine of two patches
-Hellinger's (Arandjelović and Zisserman, 2012).
+contrast is made the same everywhere. What is left is described as by dense SIFT (Lowe, 2004), and square roots are
+taken of it (Arandjelović and Zisserman, 2012). What all pictures have in common says nothing about a face, such as
+that edges go on beside themselves: it is whitened away. What that is, noise tells that is as rough as nature (1/f:
+Field, 1987), so that no face is needed for it.
 """
 
 from functools import cache
@@ -22,8 +23,8 @@ Patches = npt.NDArray[np.float32]
 STEP = 3
 """Pixels of a crop from one patch to the next."""
 
-DIRECTIONS = 4
-"""Directions of edges that are told apart, over half a turn."""
+DIRECTIONS = 8
+"""Directions of edges that are told apart, over a whole turn."""
 
 PARTS, APART = 4, 4
 """Points along each side of a patch at which its edges are taken, and pixels between them."""
@@ -32,6 +33,12 @@ BLUR = 1.5
 """Pixels (sigma) around such a point over which edges are gathered."""
 
 DEPTH = PARTS * PARTS * DIRECTIONS
+
+NOISES = 16
+"""Crops of noise from which the whitening is made: 7056 patches."""
+
+LEAST = 0.1
+"""What is added to the variance of each component before it is made 1, as a share of their mean."""
 
 _REACH = APART * (PARTS - 1) // 2  # pixels from the middle of a patch to its outermost points
 CELLS = (SIDE - 2 * _REACH) // STEP
@@ -45,10 +52,15 @@ ROOT, SHARE, MAX_CONTRAST = 0.2, 0.1, 10.0
 
 def describe(crop: Grey) -> Patches:
     """Return the patches of a face's crop: (CELLS, CELLS, DEPTH), float32."""
+    return _unit(_plain(crop) @ _whitening())
+
+
+def _plain(crop: Grey) -> Patches:
+    """Return the patches of a crop as they are before they are whitened."""
     even = cv2.GaussianBlur(lit_evenly(crop), (0, 0), FINE)
     across, down = (cv2.Sobel(even, cv2.CV_32F, *order, ksize=1) for order in ((1, 0), (0, 1)))
     strength, angle = cv2.cartToPolar(across, down)
-    turned = angle % np.pi * (DIRECTIONS / np.pi)
+    turned = angle % (2 * np.pi) * (DIRECTIONS / (2 * np.pi))
     edges = np.empty((*crop.shape, DIRECTIONS), np.float32)
     for direction in range(DIRECTIONS):
         off = np.abs(turned - direction)
@@ -58,6 +70,11 @@ def describe(crop: Grey) -> Patches:
     parts = edges[points[:, None, :, None], points[None, :, None, :]]
     found = _unit(parts.reshape(CELLS, CELLS, DEPTH))
     return _unit(np.sqrt(found))
+
+
+def likeness(one: Patches, other: Patches) -> float:
+    """Return how alike two pictures are, patch by patch at the same places: 1 where they are the same."""
+    return float(np.mean(1 - np.sqrt(np.maximum(1 - (one * other).sum(axis=2), 0))))
 
 
 def lit_evenly(crop: Grey) -> npt.NDArray[np.float32]:
@@ -77,6 +94,19 @@ def _mean(contrast: npt.NDArray[np.float32]) -> float:
 def _unit(patches: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     """Return patches of length 1; one without an edge stays without."""
     return np.asarray(patches / (np.linalg.norm(patches, axis=-1, keepdims=True) + 1e-6), np.float32)
+
+
+@cache
+def _whitening() -> npt.NDArray[np.float32]:
+    """Return what gives each component of patches of noise about the same variance: (DEPTH, DEPTH)."""
+    random = np.random.default_rng(0)
+    waves = np.hypot(*np.meshgrid(np.fft.fftfreq(SIDE), np.fft.fftfreq(SIDE)))
+    waves[0, 0] = 1 / SIDE
+    noises = np.fft.ifft2(np.fft.fft2(random.normal(size=(NOISES, SIDE, SIDE))) / waves).real
+    crops = 128 + 40 * noises / noises.std(axis=(1, 2), keepdims=True)
+    seen = np.concatenate([_plain(np.clip(each, 0, 255).astype(np.uint8)).reshape(-1, DEPTH) for each in crops])
+    variances, axes = np.linalg.eigh(np.cov(seen, rowvar=False))
+    return np.asarray(axes / np.sqrt(variances + LEAST * variances.mean()) @ axes.T, np.float32)
 
 
 @cache

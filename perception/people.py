@@ -17,8 +17,8 @@ FEWEST = 3
 MAX_PICTURES, MAX_PICTURES_TOGETHER = 24, 240
 """Pictures of one person, and of all together, that are learnt from."""
 
-TEMPLATES = 360
-"""Pictures and variants of all together that are compared: 113 kB each, and what a look costs is in proportion."""
+TEMPLATES = 240
+"""Pictures and variants of all together that are compared: 226 kB each, and what a look costs is in proportion."""
 
 VARIANTS = ((False, 0.0, 1.0), (True, 0.0, 1.0), (False, 0.0, 0.93), (False, 0.0, 1.08), (False, 6.0, 1.0),
             (False, -6.0, 1.0), (False, 0.0, 0.87), (False, 0.0, 1.16))  # fmt: skip

@@ -1,9 +1,11 @@
 """``mission person``: adding people from pictures and before a camera, listing and forgetting them."""
 
 import json
+import sys
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -11,7 +13,7 @@ import pytest
 
 from missions.assembly.people import People
 from missions.cli import person
-from missions.cli.person.taking import EVERY, GUIDE, SAME, TOO_SOON, Taking
+from missions.cli.person.taking import EVERY, GUIDE, NEARLY, SAME, TOO_SOON, Taking
 from missions.cli.root import guarded
 from perception.api import Image
 from perception.faces import HaarFaces
@@ -193,6 +195,32 @@ def test_the_guide_goes_on_as_pictures_are_taken_and_says_why_it_waits() -> None
         assert taking.offer(picture, 0.3 + number * EVERY + 0.01 * number) == ""
     assert taking.done
     assert len(taking.portraits) == 3
+
+
+def test_a_picture_that_is_nearly_one_before_is_not_taken_until_somebody_moves() -> None:
+    taking, good = Taking(HaarFaces(), count=3), near("anna")[0]
+    noise = np.random.default_rng(1).normal(0, 2, good.shape)
+    again = np.asarray(np.clip(good + noise, 0, 255), np.uint8)
+    assert taking.offer(good, 0.0) == ""
+    assert taking.offer(again, 2 * EVERY) == NEARLY
+    assert taking.guide == GUIDE[len(GUIDE) // 3]
+    assert taking.offer(near("anna")[2], 3 * EVERY) == ""
+
+
+@pytest.mark.real_time
+def test_what_to_do_before_a_camera_is_said_aloud_where_that_is_asked(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+    voice = SimpleNamespace(open=lambda: None, say=said.append, close=lambda: said.append("closed"))
+    monkeypatch.setattr(sys.modules["missions.cli.person.add"], "make_voice", lambda *_, **__: voice)
+    folder = bench.folder / "film"
+    folder.mkdir()
+    for number, image in enumerate(near("anna") * 5):
+        assert cv2.imwrite(str(folder / f"{number:02}.png"), image)
+    outcome = bench.run("add", "Anna", "--camera", str(folder), "--count", "3", "--say")
+    assert outcome.code == 0, outcome.err
+    assert said == [GUIDE[0], GUIDE[len(GUIDE) // 3], GUIDE[2 * len(GUIDE) // 3], "closed"]
 
 
 def test_nobody_is_forgotten_where_a_name_is_wrong_or_nobody_agrees(

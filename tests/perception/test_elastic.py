@@ -76,6 +76,11 @@ def test_a_name_takes_more_where_few_persons_are_compared() -> None:
     assert few.look(face).margin < enough.look(face).margin
 
 
+def test_two_who_are_unlike_say_nothing_of_strangers_that_would_let_more_of_them_pass() -> None:
+    two = People(4, apart=4.0).gallery(0, 1).calibration
+    assert two.threshold >= MEAN + ABOVE_FEW * DEVIATION
+
+
 def test_people_who_are_alike_are_told_to_be_so() -> None:
     far, near = (People(4, apart=apart).gallery(*range(4)).calibration for apart in (4.0, 0.0))
     assert far.refused == 0

@@ -1,17 +1,18 @@
 """``mission person add``: let the robot know somebody, from pictures or guided before the camera."""
 
-from collections.abc import Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
 
 import click
 
-from drivers.api import DeviceStatus
+from drivers.api import DeviceStatus, ignore
 from drivers.api.senses import CameraKeys
 from drivers.camera.make import open_source
 from drivers.camera.pictures import pictures
 from drivers.camera.source import Kind, kind_of
-from drivers.clock import SystemClock
+from drivers.clock import Clock, SystemClock
 from drivers.errors import BadRequest, NotConnected
+from drivers.voice.make import Wish, make_voice
 from missions.assembly.detectors import face_detector
 from missions.assembly.people import People, PeopleError, proper_name
 from missions.cli.names import PERSON
@@ -40,9 +41,18 @@ LIMIT = 200
 @click.option(
     "--seconds", type=Real(min=1.0), default=120.0, show_default=True, help="How long to look through a camera at most."
 )
+@click.option("--say", "aloud", is_flag=True, help="Say aloud what to do before the camera, too.")
 @robot_option
 @saying_why
-def add(name: str, files: tuple[str, ...], source: str | None, count: int, seconds: float, robot: str | None) -> int:
+def add(
+    name: str,
+    files: tuple[str, ...],
+    source: str | None,
+    count: int,
+    seconds: float,
+    aloud: bool,
+    robot: str | None,
+) -> int:
     """Let a robot know somebody by their face.
 
     From PICTURES of them alone, all of which must show one face; or guided, before the camera. Only the face is kept,
@@ -56,7 +66,7 @@ def add(name: str, files: tuple[str, ...], source: str | None, count: int, secon
             portraits = _from_pictures(files, detector)
         else:
             place = source or ("0" if camera is None else camera.source)
-            portraits = _from_camera(place, camera, Taking(detector, count), seconds)
+            portraits = _from_camera(place, camera, Taking(detector, count), seconds, aloud=aloud)
     except (BadRequest, FileNotFoundError, ValueError) as error:
         hint = error.hint if isinstance(error, BadRequest) else ""
         raise click.UsageError(f"{error}" + (f"\n  try: {hint}" if hint else "")) from error
@@ -95,19 +105,22 @@ def _from_pictures(files: Sequence[str], detector: FaceDetector) -> list[Image]:
     return found
 
 
-def _from_camera(source: str, camera: CameraKeys | None, taking: Taking, seconds: float) -> list[Image]:
+def _from_camera(source: str, camera: CameraKeys | None, taking: Taking, seconds: float, *, aloud: bool) -> list[Image]:
     """Return portraits of who stands before a camera, telling them what to do.
 
     Raises NotConnected for a camera that shows nothing, PeopleError when the time is over before there are enough.
     """
     clock, size = SystemClock(), None if camera is None else (camera.width, camera.height)
     seen, guide, why = False, "", ""
-    with closing(open_source(source, clock, size=size, loop=False, report=_report)) as eye:
+    with ExitStack() as stack:
+        eye = stack.enter_context(closing(open_source(source, clock, size=size, loop=False, report=_report)))
         eye.open()
+        say = stack.enter_context(_speaking(clock)) if aloud else ignore
         while not taking.done and clock.now() < seconds:
             if taking.guide != guide:
                 guide = taking.guide
                 click.echo(f"{guide[:1].upper()}{guide[1:]}.", err=True)
+                say(guide)
             frame = eye.read(0.2)
             if frame is None:
                 if not seen and clock.now() > PICTURE_TIMEOUT:
@@ -126,6 +139,17 @@ def _from_camera(source: str, camera: CameraKeys | None, taking: Taking, seconds
         hint = why or "more time: --seconds 300"
         raise PeopleError(f"nothing was kept: {len(taking.portraits)} good pictures, and it takes {FEWEST}", hint=hint)
     return taking.portraits
+
+
+@contextmanager
+def _speaking(clock: Clock) -> Iterator[Callable[[str], object]]:
+    """Yield what says a text aloud; where nothing here can, only the printed words are there."""
+    voice = make_voice(Wish(), clock, ignore, report=_report)
+    voice.open()
+    try:
+        yield voice.say
+    finally:
+        voice.close()
 
 
 def _who_is_like(people: People, name: str, portraits: Sequence[Image]) -> str:

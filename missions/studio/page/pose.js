@@ -1,11 +1,18 @@
 // Who stands before the camera of this browser, as pictures that are small enough to be sent.
 
-const COUNT = 6; // pictures
-const EVERY = 800; // milliseconds from one to the next: time to turn one's head a little
+// What somebody is asked to do for each picture: who is known from one side only is not known.
+const GUIDE = [
+  "Look straight into the camera…", "Turn your head a little to the left…", "Turn your head a little to the right…",
+  "Look up a little…", "Look down a little…", "Take a step back, and look into the camera…",
+];
+const EVERY = 1500; // milliseconds from one to the next: time to read, and to do it
 const LARGEST = 60000; // letters of base64, as a message has room for
 
-/** Show the camera in `place`, and call `send` with one picture after another. Throws an Error that says what to do. */
-export async function pose(place, send) {
+/**
+ * Show the camera in `place`, `ask` somebody to pose, and call `send` with one picture after another.
+ * Throws an Error that says what to do.
+ */
+export async function pose(place, ask, send) {
   if (!navigator.mediaDevices)
     throw new Error("A browser gives its camera only to pages by https, or of its own computer: mission studio --certificate, or ssh -L 8642:127.0.0.1:8642.");
   const stream = await navigator.mediaDevices.getUserMedia({ video: { width: 640, height: 480 } });
@@ -15,7 +22,8 @@ export async function pose(place, send) {
     video.srcObject = stream;
     place.append(video);
     await video.play();
-    for (let number = 0; number < COUNT; number++) {
+    for (const words of GUIDE) {
+      ask(words);
       await new Promise((done) => setTimeout(done, EVERY));
       await send(jpeg(video));
     }

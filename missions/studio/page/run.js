@@ -91,7 +91,7 @@ export class Run {
       if (!name) throw new Error("What are they called?");
       if (!here && !this.#watcher.lives) throw new Error("Nothing runs: a camera is seen by way of a run, such as Drive without a mission.");
       tell("Look into the camera, and turn your head a little to each side…", "good");
-      if (here) await pose(this.#seen, (jpeg) => this.#link.ask({ do: "show_person", jpeg }));
+      if (here) await pose(this.#seen, (words) => tell(words, "good"), (jpeg) => this.#link.ask({ do: "show_person", jpeg }));
       const { message } = await this.#link.ask({ do: "add_person", name, run: here ? "" : this.#watcher.run }, 70000);
       tell(message, "good");
       this.#library = null;
