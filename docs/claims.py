@@ -98,7 +98,7 @@ CLAIMS = (
     ),
     Claim(
         "power cut",
-        "no task that was acknowledged is lost or falls back; a record has all up to its last sync, one each second, "
+        "no task that was acknowledged is lost or falls back; a record has all up to its last sync, one in each 0.6 s, "
         "and everything once it is closed",
         f"CUTS=200 {TESTS}tests/missions/testing/test_power_cut.py",
         "a file system that changes the order of names; a disk that lies; the log of who did what in the studio",
