@@ -16,10 +16,9 @@ from drivers.api import Away, Coupling, DeviceStatus, Health, JointState, Readin
 from drivers.clock import Clock
 from drivers.dynamixel.attention import RESTING, Attention
 from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.commanded import CommandedJoints
+from drivers.dynamixel.commanded import CommandedJoints, Leading
 from drivers.dynamixel.figures import counted, health_of, readings
 from drivers.dynamixel.joint import Joint, JointSpec, check
-from drivers.dynamixel.leading import Leading
 from drivers.dynamixel.models import MODELS
 from drivers.dynamixel.pace import Pace
 from drivers.dynamixel.refusals import check_couplings, check_move, check_names

@@ -7,6 +7,7 @@ The deadman, the limits and what the touch forbids are applied there, in the lin
 from contextlib import suppress
 from dataclasses import replace
 from math import inf
+from threading import RLock
 from typing import Unpack
 
 from drivers.api import (
@@ -14,19 +15,52 @@ from drivers.api import (
     BaseState,
     DeviceStatus,
     Health,
+    Lamp,
     Quality,
     Reading,
     Source,
+    Tune,
     Velocity,
 )
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.kobuki.commands import BaseControl, RequestExtra
+from drivers.kobuki.commands import BaseControl, RequestExtra, SetOutputs, SoundSequence
 from drivers.kobuki.listener import Identity, Listener
-from drivers.kobuki.panel import Panel
+from drivers.kobuki.requests import TUNES, Outputs, check_light, tone
 from drivers.kobuki.steered import Settings, SteeredBase
 from drivers.kobuki.wire import encode
 from drivers.link import Link
+
+
+class Panel:
+    """Commands that do not move the base, sent over ``link``. Safe between threads, which ``lock`` is for."""
+
+    def __init__(self, name: str, link: Link, lock: "RLock") -> None:
+        self._name = name
+        self._link = link
+        self._lock = lock
+        self._outputs = Outputs()
+
+    def play(self, tune: Tune) -> None:
+        """Play one of the tunes that the base knows. Raises NotConnected."""
+        self._link.write(encode(SoundSequence(TUNES[tune])))
+
+    def tone(self, frequency: float, seconds: float) -> None:
+        """Play one tone of ``frequency`` hertz, for 0.255 s at most. Raises BadRequest, NotConnected."""
+        self._link.write(encode(tone(self._name, frequency, seconds)))
+
+    def light(self, number: int, colour: Lamp) -> None:
+        """Switch light 1 or 2. Raises BadRequest for another, NotConnected."""
+        check_light(self._name, number)
+        with self._lock:
+            self._outputs.light(number, colour)
+            self._link.write(encode(SetOutputs(self._outputs.word)))
+
+    def restore(self) -> None:
+        """Switch everything as it was told so far, for a base that may have been off meanwhile. Raises NotConnected."""
+        with self._lock:
+            self._link.write(encode(SetOutputs(self._outputs.word)))
+
 
 STALE_AFTER = 0.1
 """Seconds after which a report no longer counts as fresh: five were missed."""

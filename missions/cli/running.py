@@ -17,15 +17,12 @@ from missions.cli.leash import GONE, heeded, leashed
 from missions.cli.live import Watcher
 from missions.cli.options import tell_found
 from missions.cli.orders import check_events, check_film, check_order, check_pad, check_people
-from missions.cli.outputs import writing
 from missions.cli.recording import Recording, RecordWish
 from missions.cli.root import settle
 from missions.executive.executive import Result
-from missions.executive.json_lines import JsonLines
 from missions.executive.watchdog import attempt_all
 from missions.library.shipped import behaviour_files
 from missions.order import RunRequest
-from missions.records.recording.outputs import open_private
 from missions.runner import Runner, end_process
 from missions.studio.control import ControlSocket
 from missions.studio.pictures import Pictures
@@ -166,6 +163,10 @@ def _write(outputs: Outputs, runner: Runner, closing: ExitStack, out: TextIO) ->
     """Have events and a film written until ``closing`` ends, and the run ended where nobody reads any more."""
     read = [sys.stdout, out]
     if outputs.events is not None:
+        from missions.cli.outputs import writing  # noqa: PLC0415 - most runs write no events
+        from missions.executive.json_lines import JsonLines  # noqa: PLC0415
+        from missions.records.recording.outputs import open_private  # noqa: PLC0415
+
         check_events(outputs.events, runner.plan)
         with writing(outputs.events, "--events"):
             file = open_private(outputs.events)

@@ -8,8 +8,8 @@ from py_trees.decorators import Decorator
 
 from behaviours.node import Node
 from config.units import written
-from missions.executive.conditions import unmeasured
 from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Parent
+from missions.executive.state import unmeasured
 from missions.language.expressions import Expression, ExpressionError
 from missions.language.plan import Step
 from missions.language.values import Value

@@ -4,6 +4,7 @@ What nobody sees is None, so that a comparison with it fails with a reason inste
 does not report raises NotConnected, so that whatever asks waits for it.
 """
 
+from collections.abc import Mapping
 from math import radians
 from typing import TypeVar
 
@@ -13,6 +14,7 @@ from drivers.api.quick import dataclass
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from missions.executive.guard import BatteryWatch, Guard
+from missions.language.values import Value
 from perception.api import Face
 
 T = TypeVar("T")
@@ -240,3 +242,17 @@ def state_of(robot: Robot, clock: Clock, guard: Guard | None = None) -> dict[str
         "head": HeadState(robot),
         "range": RangeState(robot),
     }
+
+
+PLACE = frozenset({"base.x", "base.y", "base.heading"})
+"""What of a base is dead reckoning where nothing measures it."""
+
+
+def unmeasured(condition: Value, scope: Mapping[str, object]) -> str:
+    """Say what in a condition nothing measures, or nothing. Raises NotConnected while the base does not report."""
+    reads = () if condition.template is None else condition.template.reads
+    place = next((read.dotted for read in reads if read.dotted in PLACE), "")
+    base = scope.get("base")
+    if place and isinstance(base, BasePart) and base.reckoned:
+        return f"{place} is dead reckoning: this base measures nothing that a condition may rest on"
+    return ""
