@@ -66,10 +66,14 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """One thing found in one picture. ``score`` is the detector's own measure; higher is surer."""
+    """One thing found in one picture. ``score`` is the detector's own measure; higher is surer.
+
+    ``roll`` is by how much a head leans to the right in the picture, in radians, as far as the detector tells.
+    """
 
     box: Box
     score: float
+    roll: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,34 +1,28 @@
 """Finding faces in frame after frame, for a small part of what a full search of each would cost.
 
-The whole picture is searched until there is a face: in one frame for those that are close, in the next for those
-farther away. From then on optical flow carries its box from frame to frame, and now and then a search of the region
-around it confirms that it still is one: the more seldom, the better both agree. Now and then the whole picture is
-searched again, for newcomers; where nobody is, every eighth frame, and less often while all stays as it was. What was
-found counts as a face as long as more searches that are independent of the first agreed than not.
+The whole picture is searched until there is a face: in one frame for all but small ones, in the next for those,
+then for heads that lean, as the detector says. From then on optical flow carries its
+box from frame to frame, and now and then a search of the region around it confirms that it still is one: the more
+seldom, the better both agree. Now and then the whole picture is searched again, for newcomers; where nobody is, every
+eighth frame, and less often while all stays as it was. What was found counts as a face as long as more searches that
+are independent of the first agreed than not.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from math import hypot, inf
 from typing import Protocol, runtime_checkable
 
 from perception.api import Box, Detection, Image
 from perception.flow import carry
+from perception.known import RETRY, TRUST, Known
 from perception.light import Grey, check
 from perception.sighting import Sighting
 from perception.still import Still
+from perception.turns import ANY, Search
 
 SAME = 0.3
 """Overlap from which on two boxes are one face."""
-
-SURE = 0.6
-"""Overlap from which on the detector agrees with the flow: a Haar box jitters by a tenth of its width."""
-
-CLOSE = 0.09
-"""Width of a close face, as a share of the picture's longer side: 1.7 m away, for an angle of view of 60 degrees."""
-
-RETRY = 5
-"""Frames from a search that missed a face to the next."""
 
 MISSING = 25
 """Frames for which the whole picture is searched that often too, after a face was lost."""
@@ -36,76 +30,57 @@ MISSING = 25
 NEWCOMERS = 40
 """Frames from one search of the whole picture to the next while a face is known, where the detector does not say."""
 
-EAGER = 8
-"""Frames in a row without a face in which each is searched: at first, and after a face was there."""
+SOON = 4
+"""Frames to the first search for others after somebody was found, as they may have come together; then 4 times that."""
 
 EMPTY = 8
-"""Frames from one search to the next after that, of a picture that is not the one searched before; see Still."""
+"""Frames from one search to the next where one of each kind has found no face; see Still for what stays as it was."""
+
+ASIDE = 6
+"""Searches in a row for which a face that looks to one side may be carried on."""
 
 STEADY = 0.02
 """How far a face may have moved from one frame to the next that stays in one place, in widths of it: 0.1 m/s."""
-
-TRUST = 3
-"""What a face can earn at most: one for each search whose witnesses agree, less one for each that fails."""
 
 
 class FaceDetector(Protocol):
     """What the finder needs: a search of a whole picture, and one around a known face."""
 
-    def detect(self, image: Image | Grey, *, smallest: float = 0.0, largest: float = inf) -> Sequence[Detection]:
-        """Return the faces anywhere in the picture, those at least whose width is ``smallest``..``largest`` pixels."""
+    def detect(
+        self, image: Image | Grey, *, smallest: float = 0.0, largest: float = inf, roll: float = 0.0
+    ) -> Sequence[Detection]:
+        """Return the faces anywhere in the picture, those at least whose width is ``smallest``..``largest`` pixels.
+
+        ``roll`` is by how much they lean to the right, in radians.
+        """
         ...
 
-    def near(self, image: Image | Grey, box: Box) -> Detection | None:
+    def near(self, image: Image | Grey, box: Box, *, roll: float = 0.0) -> Detection | None:
         """Return the face about where ``box`` is, None when there is none."""
         ...
 
 
 @runtime_checkable
 class Thorough(Protocol):
-    """What a detector may offer besides: a second opinion, and how often it can afford to search a whole picture."""
+    """What a detector may offer besides: a second opinion, other sights of a head, and what it looks for how often."""
 
     newcomers: int
     """Frames from one search of the whole picture to the next while a face is known."""
 
-    def agrees(self, image: Image | Grey, box: Box) -> bool:
+    turns: Sequence[Search]
+    """What it searches a whole picture for, the most frequent first; the others take turns between."""
+
+    def agrees(self, image: Image | Grey, box: Box, *, roll: float = 0.0) -> bool:
         """Whether searches that are independent of the first see a face at ``box`` too."""
         ...
 
+    def leaning(self, image: Image | Grey, known: Detection) -> Iterable[Detection]:
+        """Yield where the face that was ``known`` may be, should it lean otherwise by now."""
+        ...
 
-@dataclass(slots=True)
-class _Known:
-    """A face that is followed: ``times`` it was found, ``misses`` since, frames until its search is ``due``.
-
-    ``rest`` is from one search to the next, in frames; ``trust`` the searches that agreed less those that did not.
-    """
-
-    detection: Detection
-    found: bool = True
-    times: int = 1
-    misses: int = 0
-    due: int = 1
-    rest: int = 1
-    trust: int = 0
-    believed: bool = False
-
-    def weigh(self, agreed: bool) -> None:
-        """Others were asked whether it is a face."""
-        self.trust = min(max(self.trust + (1 if agreed else -1), -TRUST), TRUST)
-        self.believed |= self.trust > 0
-
-    def accept(self, detection: Detection, longest: int) -> None:
-        """The detector has found it again."""
-        agrees = self.detection.box.overlap(detection.box) > SURE
-        self.rest = min(2 * self.rest, longest) if agrees else 1
-        self.detection, self.found = detection, True
-        self.times, self.misses, self.due = self.times + 1, 0, self.rest
-
-    def miss(self) -> None:
-        """The detector has not found it where the flow has carried it."""
-        self.misses += 1
-        self.rest, self.due = 1, RETRY
-        self.weigh(False)
+    def aside(self, image: Image | Grey, box: Box) -> bool:
+        """Whether a face that was at ``box`` is there, but looks to one side."""
+        ...
 
 
 class FaceFinder:
@@ -127,12 +102,14 @@ class FaceFinder:
         self._patience = patience
         self._thorough = detector if isinstance(detector, Thorough) else None
         self._newcomers = newcomers or (self._thorough.newcomers if self._thorough else NEWCOMERS)
-        self._known: list[_Known] = []
+        self._known: list[Known] = []
         self._before: Image | Grey | None = None
         self._since_whole = 0
-        self._close_next = True
+        self._plan = tuple(self._thorough.turns) if self._thorough else (ANY,)
+        self._turn = 0  # how many of them were made
         self._missing = 0  # frames for which a face that was lost is still looked for
-        self._turns = 2  # searches that are due at once: one for those that are close, one for those that are not
+        self._lost = self._plan[0]  # the search that would find it
+        self._patiently = SOON  # frames to the next search for newcomers
         self._vain = 0  # frames in a row without a face
         self._still = Still()
         self._places: list[tuple[float, float]] = []  # of known faces, as it was last asked what can be spared
@@ -148,8 +125,8 @@ class FaceFinder:
         if believed and not self._known:
             self._expect(believed[0], image)
         self._since_whole += 1
-        if self._since_whole >= (pause := self._pause()) and not (pause == EMPTY and self._nothing_new(image)):
-            self._search_whole(image)
+        if self._since_whole >= (pause := self._pause()):
+            self._search_whole(image, unless_still=pause == EMPTY)
         self._drop_doubles()
         self._vain = 0 if any(known.trust > 0 for known in self._known) else self._vain + 1
         self._missing -= 1
@@ -188,79 +165,107 @@ class FaceFinder:
         """Forget everything: another film begins."""
         self._known.clear()
         self._before = None
-        self._since_whole, self._close_next, self._missing = 0, True, 0
-        self._turns, self._vain = 2, 0
+        self._since_whole, self._turn, self._missing = 0, 0, 0
+        self._vain, self._patiently = 0, SOON
         self._still = Still()
-
-    def _nothing_new(self, image: Image | Grey) -> bool:
-        """Whether a search would see what one of its kind, for close faces or others, has seen before; see Still."""
-        if not self._still.same(image, close=self._close_next):
-            return False
-        self._since_whole, self._close_next = 0, not self._close_next
-        return True
 
     def _pause(self) -> int:
         """Return how many frames after a search of the whole picture the next one is due."""
         lost = self._missing > 0
-        if self._turns > 0:
-            return 1
         if any(known.trust > 0 for known in self._known):
-            return RETRY if lost else self._newcomers
-        return 1 if lost or self._vain < EAGER else EMPTY
+            return RETRY if lost else self._patiently
+        return 1 if lost or self._vain < len(self._plan) else EMPTY
 
-    def _accept(self, known: _Known, detection: Detection, image: Image | Grey) -> None:
+    def _due(self, image: Image | Grey) -> Search:
+        """Return what the whole picture is searched for next."""
+        sure = [known for known in self._known if known.trust > 0]
+        if self._missing > 0 and (sure or self._missing % 2):
+            return self._lost
+        turn, self._turn = self._turn, self._turn + 1
+        main, *others = self._plan
+        if sure:  # who is with whom they know
+            return main if turn % 2 else self._fitting(sure[0].detection, image)
+        if turn < len(self._plan):
+            return self._plan[turn]
+        return others[turn // 2 % len(others)] if turn % 2 and others else main
+
+    def _fitting(self, face: Detection, image: Image | Grey) -> Search:
+        """Return the first search that would find such a face."""
+        return next((each for each in self._plan if each.fits(face, max(image.shape))), self._plan[0])
+
+    def _accept(self, known: Known, detection: Detection, image: Image | Grey) -> None:
         """A search has found it again; others are asked as long as it is not beyond doubt."""
         known.accept(detection, self._every)
         self._ask(known, image)
 
-    def _ask(self, known: _Known, image: Image | Grey) -> None:
+    def _ask(self, known: Known, image: Image | Grey) -> None:
         if known.trust < TRUST:
-            known.weigh(self._thorough is None or self._thorough.agrees(image, known.detection.box))
+            known.weigh(self._thorough is None or self._witnessed(self._thorough, known.detection, image))
 
-    def _expect(self, lost: _Known, image: Image | Grey) -> None:
+    def _witnessed(self, thorough: Thorough, found: Detection, image: Image | Grey) -> bool:
+        return thorough.agrees(image, found.box, roll=found.roll)
+
+    def _expect(self, lost: Known, image: Image | Grey) -> None:
         """Look for a lost face again soon, among those of its size: somebody may just have walked past it."""
         self._missing = MISSING
-        self._close_next = lost.detection.box.width >= CLOSE * max(image.shape)
+        self._lost = self._fitting(lost.detection, image)
 
-    def _follow(self, known: _Known, before: Image | Grey, image: Image | Grey) -> bool:
+    def _follow(self, known: Known, before: Image | Grey, image: Image | Grey) -> bool:
         """Bring a face to the new frame; False when it is gone."""
         carried = carry(before, image, known.detection.box)
         known.found = False
         known.due -= 1
         if carried is not None:
-            known.detection = Detection(carried, known.detection.score)
+            known.detection = replace(known.detection, box=carried)
             if known.due > 0:
                 return True
-        again = self._detector.near(image, known.detection.box)
+        again = self._again(known, image)
         if again is not None:
             self._accept(known, again, image)
+            return True
+        if carried is not None and self._turned_aside(known, image):
+            known.turn()
             return True
         known.miss()
         return carried is not None and known.trust > 0 and known.misses < self._patience
 
-    def _search_whole(self, image: Image | Grey) -> None:
-        """Look for newcomers, in turns for those that are close and those that are not; meet those already known."""
+    def _again(self, known: Known, image: Image | Grey) -> Detection | None:
+        """Return a known face where it is now, upright or leaning as before; or as one that others see lean."""
+        at, thorough = known.detection, self._thorough
+        again = self._detector.near(image, at.box, roll=at.roll)
+        if again is not None or thorough is None or known.trust <= 0:
+            return again
+        return next((found for found in thorough.leaning(image, at) if self._witnessed(thorough, found, image)), None)
+
+    def _turned_aside(self, known: Known, image: Image | Grey) -> bool:
+        """Whether a face that was beyond doubt has turned to one side: it is carried on for a while."""
+        sure = self._thorough is not None and known.trust == TRUST and known.aside < ASIDE
+        return sure and self._thorough is not None and self._thorough.aside(image, known.detection.box)
+
+    def _search_whole(self, image: Image | Grey, *, unless_still: bool) -> None:
+        """Look for newcomers, of one kind after the other; meet those already known."""
         self._since_whole = 0
-        self._turns -= 1
-        close = self._close_next
-        if self._missing <= 0 or self._turns >= 0 or not self._known:
-            self._close_next = not close
-        limit = CLOSE * max(image.shape)
-        detect = self._detector.detect
-        found = detect(image, smallest=limit) if close else detect(image, largest=1.2 * limit)
+        self._patiently = min(4 * self._patiently, self._newcomers)
+        due = self._due(image)
+        if unless_still and self._still.same(image, due):
+            return
+        side = max(image.shape)
+        found = self._detector.detect(image, smallest=due.smallest * side, largest=due.largest * side, roll=due.roll)
         for detection in found:
             known = max(self._known, key=lambda k: k.detection.box.overlap(detection.box), default=None)
             if known is not None and known.detection.box.overlap(detection.box) > SAME:
                 self._accept(known, detection, image)
             else:
-                newcomer = _Known(detection)
+                newcomer = Known(detection)
                 self._ask(newcomer, image)
                 self._known.append(newcomer)
                 self._missing = 0
+                if newcomer.trust > 0:
+                    self._patiently = SOON
 
     def _drop_doubles(self) -> None:
         """Where two boxes have come to lie on one face, keep the one known for longer."""
-        kept: list[_Known] = []
+        kept: list[Known] = []
         for known in self._known:
             if all(known.detection.box.overlap(other.detection.box) <= SAME for other in kept):
                 kept.append(known)

@@ -5,6 +5,7 @@ import numpy.typing as npt
 
 from perception.api import Image
 from perception.light import Grey, cells
+from perception.turns import Search
 
 DIFFERENT = 3.0
 """Grey levels by which a spot must differ: five times the noise that a webcam leaves in the mean of a spot."""
@@ -17,19 +18,19 @@ AGAIN = 4
 
 
 class Still:
-    """Remembers the picture of the newest search for close faces, and of that for others. For one thread at a time."""
+    """Remembers the picture of the newest search of each kind. For one thread at a time."""
 
     def __init__(self) -> None:
-        self._searched: dict[bool, npt.NDArray[np.float32]] = {}
-        self._left_out = {True: 0, False: 0}
+        self._searched: dict[Search, npt.NDArray[np.float32]] = {}
+        self._left_out: dict[Search, int] = {}
 
-    def same(self, image: Image | Grey, *, close: bool) -> bool:
-        """Say whether a search of ``image`` can be left out; if not, it is the one that is remembered."""
-        now, before = spots(image), self._searched.get(close)
-        if before is not None and self._left_out[close] < AGAIN and alike(before, now):
-            self._left_out[close] += 1
+    def same(self, image: Image | Grey, search: Search) -> bool:
+        """Say whether such a search of ``image`` can be left out; if not, it is the one that is remembered."""
+        now, before = spots(image), self._searched.get(search)
+        if before is not None and self._left_out[search] < AGAIN and alike(before, now):
+            self._left_out[search] += 1
             return True
-        self._searched[close], self._left_out[close] = now, 0
+        self._searched[search], self._left_out[search] = now, 0
         return False
 
 

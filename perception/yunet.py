@@ -14,15 +14,13 @@ import numpy.typing as npt
 
 from perception.api import Box, Detection, Image
 from perception.faults import BadModel, check_size
-from perception.light import Grey, check, resized, window
+from perception.light import Grey, check, lightened, resized, window
+from perception.turns import ANY
 
-MAX_SIDE = 640
-"""Pixels along the longer side to which a larger picture is shrunk first, as for the Haar cascade."""
+SMALLEST = 28 / 640
+"""Width of a face, as a share of the picture's longer side, from which on it is looked for."""
 
-SMALLEST = 28
-"""Pixels of a face's width, in that picture, from which on it is looked for."""
-
-ENOUGH = 16
+ENOUGH = 14
 """Pixels of a face's width that the network needs: a picture is shrunk until the smallest face looked for has them."""
 
 SURE = 0.6
@@ -59,23 +57,28 @@ class YuNetFaces:
     """
 
     newcomers = 8
+    turns = (ANY,)
 
     def __init__(self, model: Path) -> None:
         self._model = model
 
-    def detect(self, image: Image | Grey, *, smallest: float = 0.0, largest: float = inf) -> list[Detection]:
+    def detect(
+        self, image: Image | Grey, *, smallest: float = 0.0, largest: float = inf, roll: float = 0.0
+    ) -> list[Detection]:
         """Return the faces anywhere in the picture, largest first, whose width is about ``smallest``..``largest`` px.
 
-        Raises ValueError for what is not a picture, FileNotFoundError and BadModel for the model's file.
+        Those that lean are among them, by whatever ``roll``. Raises ValueError for what is not a picture,
+        FileNotFoundError and BadModel for the model's file.
         """
+        del roll
         check(image)
-        scale = min(1.0, MAX_SIDE / max(image.shape))
-        scale *= min(1.0, ENOUGH / max(SMALLEST, smallest * scale))
+        scale = min(1.0, ENOUGH / max(SMALLEST * max(image.shape), smallest))
         found = self._search(image, scale, 0, 0)
         return [detection for detection in found if smallest <= detection.box.width <= largest]
 
-    def near(self, image: Image | Grey, box: Box) -> Detection | None:
+    def near(self, image: Image | Grey, box: Box, *, roll: float = 0.0) -> Detection | None:
         """Return the face about where and as large as ``box``, None when there is none; raises as ``detect``."""
+        del roll
         check(image)
         rows, columns = window(image.shape, box, REGION)
         region = image[rows, columns]
@@ -84,8 +87,17 @@ class YuNetFaces:
         found = self._search(region, REGION_FACE / box.width, columns.start, rows.start)
         return max(found, key=lambda detection: detection.box.overlap(box), default=None)
 
-    def agrees(self, image: Image | Grey, box: Box) -> bool:
+    def leaning(self, *_: object) -> tuple[Detection, ...]:
+        """Return nothing: ``near`` has seen it, however it leans."""
+        return ()
+
+    def aside(self, *_: object) -> bool:
+        """Return False: ``near`` has seen it, wherever it looks."""
+        return False
+
+    def agrees(self, image: Image | Grey, box: Box, *, roll: float = 0.0) -> bool:
         """Whether the network sees the face at ``box`` in the mirror too, and larger; raises as ``detect``."""
+        del roll
         check(image)
         rows, columns = window(image.shape, box, REGION)
         region = np.ascontiguousarray(image[rows, columns][:, ::-1])
@@ -119,7 +131,7 @@ class YuNetFaces:
     def _shown(self, picture: Image | Grey, scale: float) -> npt.NDArray[np.float32]:
         """Show a picture to the network, ``scale`` times as large, and return its rows in pixels of what was shown."""
         colour = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR) if picture.ndim == 2 else picture
-        shown = resized(np.asarray(colour, np.uint8), scale)
+        shown = lightened(resized(np.asarray(colour, np.uint8), scale))
         try:
             self._network.setInputSize((shown.shape[1], shown.shape[0]))
             _, rows = self._network.detect(shown)

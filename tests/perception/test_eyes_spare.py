@@ -11,7 +11,7 @@ import pytest
 from perception.api import Box, Detection, Frame, Gaze, Image, Thing
 from perception.delay import Delay
 from perception.eyes import PACE, Eyes, Vision
-from perception.finder import EAGER, EMPTY, FaceFinder
+from perception.finder import EMPTY, FaceFinder
 from perception.geometry import Pinhole
 from perception.light import Grey
 from perception.senses import FaceSense, Finder, Senses
@@ -21,6 +21,9 @@ from tests.perception.test_finder import Counting, wall
 from tests.waiting import wait_until
 
 RATE = 30.0
+
+EAGER = 1
+"""Frames that are searched one after the other at first: one for each kind of search."""
 
 
 class Picture:
@@ -173,13 +176,15 @@ class Walker:
     def picture(self) -> Image:
         return np.asarray(np.roll(wall(), round(self.step * self.number), axis=1), np.uint8)
 
-    def detect(self, image: Image | Grey, *, smallest: float = 0.0, largest: float = inf) -> list[Detection]:
-        del image, smallest, largest
+    def detect(
+        self, image: Image | Grey, *, smallest: float = 0.0, largest: float = inf, roll: float = 0.0
+    ) -> list[Detection]:
+        del image, smallest, largest, roll
         self.searches += 1
         return [Detection(Box(100.0 + self.step * self.number, 200.0, 80.0, 80.0), 5.0)]
 
-    def near(self, image: Image | Grey, box: Box) -> Detection | None:
-        del box
+    def near(self, image: Image | Grey, box: Box, *, roll: float = 0.0) -> Detection | None:
+        del box, roll
         return self.detect(image)[0]
 
     def watched(self, frames: int, most: int) -> list[int]:

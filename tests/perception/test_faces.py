@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from perception import faces
-from perception.api import Box, Image
-from perception.faces import HaarFaces
+from perception.api import Box, Detection, Image
+from perception.faces import ROLL, HaarFaces
 
 FACE = Box(176, 65, 97, 97)
 
@@ -84,3 +84,50 @@ def test_a_missing_cascade_says_what_to_install(monkeypatch: pytest.MonkeyPatch,
     monkeypatch.setattr(faces, "CASCADE", "nowhere.xml")
     with pytest.raises(FileNotFoundError, match=r"nowhere.xml is missing\n  try: pip install"):
         HaarFaces().detect(astronaut)
+
+
+def turned(picture: Image, degrees: float) -> Image:
+    """The astronaut's portrait, turned to the right about her face."""
+    move = cv2.getRotationMatrix2D(FACE.centre, -degrees, 1.0)
+    return np.asarray(cv2.warpAffine(picture, move, (512, 512), borderMode=cv2.BORDER_REPLICATE), np.uint8)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_head_that_leans_is_found_borne_out_and_told_as_leaning_where_that_is_asked_for(
+    astronaut: Image, side: int
+) -> None:
+    picture, faces = turned(astronaut, side * 30), HaarFaces()
+    assert faces.detect(picture, smallest=50) == []
+    (face,) = faces.detect(picture, smallest=50, roll=side * ROLL)
+    assert face.roll == side * ROLL
+    assert face.box.overlap(FACE) > 0.6
+    assert faces.agrees(picture, face.box, roll=face.roll)
+    assert not faces.agrees(picture, face.box)
+
+
+def test_a_known_head_is_found_again_where_it_begins_to_lean(astronaut: Image) -> None:
+    (again,) = HaarFaces().leaning(turned(astronaut, 30), Detection(FACE, 1.0))
+    assert again.roll == ROLL
+
+
+def test_a_frontal_face_does_not_look_to_one_side_nor_does_a_wall(astronaut: Image) -> None:
+    wall = np.random.default_rng(2).integers(90, 150, (512, 512, 3), dtype=np.uint8)
+    assert not HaarFaces().aside(wall, FACE)
+    assert not HaarFaces().aside(astronaut, Box(-500, 0, 97, 97))
+
+
+def test_a_face_in_eight_percent_of_the_light_is_found_through_the_noise(astronaut: Image) -> None:
+    light = astronaut.astype(np.float64) * 0.08
+    noise = np.random.default_rng(1).normal(0.0, 1.0, light.shape) * np.sqrt(0.15 * light + 2.0)
+    (face,) = HaarFaces().detect(np.clip(np.rint(light + noise), 0, 255).astype(np.uint8))
+    assert face.box.overlap(FACE) > 0.6
+
+
+def test_a_face_is_found_in_a_picture_of_160_pixels(astronaut: Image) -> None:
+    small = np.asarray(cv2.resize(astronaut, (128, 128), interpolation=cv2.INTER_AREA), np.uint8)
+    (face,) = HaarFaces().detect(small, smallest=0.047 * 128)
+    assert face.box.overlap(Box(FACE.x / 4, FACE.y / 4, FACE.width / 4, FACE.height / 4)) > 0.6
+
+
+def test_sizes_for_which_a_picture_is_too_small_are_not_looked_for(astronaut: Image) -> None:
+    assert HaarFaces().detect(astronaut, smallest=5, largest=20) == []

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from perception.api import Box, Detection, Image
-from perception.finder import EAGER, EMPTY, FaceFinder
+from perception.finder import EMPTY, FaceFinder
 from perception.still import AGAIN, Still
+from perception.turns import ANY, Search
+
+SMALL = Search(largest=0.06)
 
 NOISE = 5.0
 """Grey levels, one sigma: a webcam indoors."""
@@ -27,32 +30,32 @@ def with_somebody(image: Image, *, brighter: float, size: int = 28) -> Image:
 
 def test_the_noise_of_a_camera_is_nothing_new() -> None:
     still = Still()
-    assert not still.same(room(0), close=True)
-    assert all(still.same(room(seed), close=True) for seed in range(1, 1 + AGAIN))
+    assert not still.same(room(0), ANY)
+    assert all(still.same(room(seed), ANY) for seed in range(1, 1 + AGAIN))
 
 
 def test_now_and_then_a_search_is_made_all_the_same() -> None:
     still = Still()
-    assert [still.same(room(seed), close=True) for seed in range(2 * (AGAIN + 1))] == [False, *[True] * AGAIN] * 2
+    assert [still.same(room(seed), ANY) for seed in range(2 * (AGAIN + 1))] == [False, *[True] * AGAIN] * 2
 
 
 @pytest.mark.parametrize("light", [1.0, 0.1])
 def test_the_smallest_face_is_something_new_also_in_the_dark(light: float) -> None:
     still = Still()
-    still.same(room(0, light=light), close=False)
-    assert not still.same(with_somebody(room(1, light=light), brighter=60 * light), close=False)
+    still.same(room(0, light=light), SMALL)
+    assert not still.same(with_somebody(room(1, light=light), brighter=60 * light), SMALL)
 
 
 def test_each_kind_of_search_has_a_picture_of_its_own() -> None:
     still = Still()
-    still.same(room(0), close=True)
-    assert not still.same(room(1), close=False)
+    still.same(room(0), ANY)
+    assert not still.same(room(1), SMALL)
 
 
 def test_what_comes_slowly_is_noticed_since_it_is_the_searched_picture_that_counts() -> None:
     still = Still()
-    still.same(room(0), close=True)
-    assert [still.same(with_somebody(room(n), brighter=2.0 * n), close=True) for n in range(1, 4)][-1] is False
+    still.same(room(0), ANY)
+    assert [still.same(with_somebody(room(n), brighter=2.0 * n), ANY) for n in range(1, 4)][-1] is False
 
 
 class Counting:
@@ -66,8 +69,8 @@ class Counting:
         self.searched += 1
         return []
 
-    def near(self, image: Image, box: Box) -> Detection | None:
-        del image, box
+    def near(self, image: Image, box: Box, *, roll: float = 0.0) -> Detection | None:
+        del image, box, roll
         raise AssertionError("nobody is known")
 
 
@@ -77,8 +80,8 @@ def test_an_empty_room_is_searched_seldom_while_the_camera_stands_and_often_whil
 ) -> None:
     detector, frames = Counting(), 40 * EMPTY
     finder = FaceFinder(detector)
-    for n in range(EAGER + frames):
+    for n in range(frames):
         finder.find(np.roll(room(n), 5 * n, axis=1) if moving else room(n))
-    searches = detector.searched - EAGER
+    searches = detector.searched - 1
     assert searches <= frames / EMPTY * most
     assert searches >= frames / EMPTY * most * 0.7

@@ -1,0 +1,55 @@
+"""Parts of a picture, scaled and turned: what is found in them lies where it was in the picture."""
+
+from math import radians
+
+import cv2
+import numpy as np
+import pytest
+
+from perception.api import Box, Image
+from perception.cuts import around, whole
+from perception.light import lightened
+
+SPOT = (200.0, 120.0)
+
+
+def picture() -> Image:
+    """Grey, with one bright spot."""
+    drawn = np.full((240, 320, 3), 90, np.uint8)
+    cv2.circle(drawn, (int(SPOT[0]), int(SPOT[1])), 6, (250, 250, 250), -1)
+    return drawn
+
+
+def brightest(shown: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> Box:
+    """A box about the brightest place."""
+    _, _, _, (x, y) = cv2.minMaxLoc(cv2.GaussianBlur(shown, (0, 0), 3.0))
+    return Box(x - 7.0, y - 7.0, 14.0, 14.0)
+
+
+@pytest.mark.parametrize("roll", [0.0, radians(22), radians(-40)])
+@pytest.mark.parametrize("scale", [0.5, 1.0, 1.5])
+def test_what_is_found_in_a_whole_picture_lies_where_it_was(scale: float, roll: float) -> None:
+    cut = whole(picture(), scale, roll)
+    found = cut.placed(brightest(cut.shown), 1.0)
+    assert found.box.centre == pytest.approx(SPOT, abs=3)
+    assert (found.roll, found.box.width) == (roll, 14 / scale)
+
+
+@pytest.mark.parametrize("roll", [0.0, radians(22), radians(-40)])
+def test_what_is_found_around_a_place_lies_where_it_was(roll: float) -> None:
+    cut = around(picture(), Box(170, 90, 50, 50), 1.7, 64, roll)
+    assert cut is not None
+    assert cut.placed(brightest(cut.shown), 1.0).box.centre == pytest.approx(SPOT, abs=3)
+
+
+def test_around_what_is_not_in_the_picture_there_is_nothing() -> None:
+    assert around(picture(), Box(-900, 0, 50, 50), 1.7, 64) is None
+    assert around(picture(), Box(20, 20, 0, 0), 1.7, 64) is None
+
+
+def test_a_dark_picture_becomes_as_bright_as_others_and_any_other_stays_as_it_is() -> None:
+    dark = np.asarray(picture() // 12, np.uint8)
+    assert 190 <= lightened(dark).max() <= 255
+    assert lightened(picture()) is not None
+    assert np.array_equal(lightened(picture()), picture())
+    assert lightened(np.zeros((4, 4), np.uint8)).max() == 0
