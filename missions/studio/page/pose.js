@@ -5,7 +5,7 @@ const GUIDE = [
   "Look straight into the camera…", "Turn your head a little to the left…", "Turn your head a little to the right…",
   "Look up a little…", "Look down a little…", "Take a step back, and look into the camera…",
 ];
-const EVERY = 1500; // milliseconds from one to the next: time to read, and to do it
+const EVERY = 1200; // milliseconds from one to the next: time to read, and to do it
 const LARGEST = 60000; // letters of base64, as a message has room for
 
 /**

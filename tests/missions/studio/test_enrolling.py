@@ -71,6 +71,7 @@ def test_somebody_is_known_by_the_camera_of_the_browser(tmp_path: Path) -> None:
         page.tab.find("textbox", "Name").focus()
         page.tab.type("Ana")
         page.press("Add with this browser's camera")
+        page.wait_for("Take a step back")
         page.wait_for("pictures kept")
         page.wait_for("The robot knows Ana.")
         assert page.tab.evaluate("document.querySelectorAll('video').length") == 0
