@@ -55,6 +55,10 @@ OUTLIER = 9.0
 MEMORY = 400
 """Pairs of pictures after which evidence has faded to a third, so that a delay that changes is learnt anew."""
 
+CLEAR, SLOWEST = 3.0, 0.1
+"""Standard deviations by which the likeliest delay must be off what counts to count at once. What is less clear counts
+by and by, at least by this share a pair: the first pairs are few, and a delay that wanders is a target that moves."""
+
 KNOWN = 0.005
 """Seconds, one sigma, within which a delay is known well enough to be checked now and then only."""
 
@@ -125,7 +129,11 @@ class Delay:
         weights /= weights.sum()
         mean = float(weights @ GRID)
         self.spread = float(np.sqrt(weights @ (GRID - mean) ** 2 + (GRID[1] - GRID[0]) ** 2 / 12))
-        self.seconds = mean if self.spread <= SURE else self._told
+        if self.spread > SURE:
+            self.seconds = self._told
+            return
+        off = mean - self.seconds
+        self.seconds += off * min(1.0, max(SLOWEST, (off / (CLEAR * self.spread)) ** 2))
 
 
 @dataclass(frozen=True, slots=True)

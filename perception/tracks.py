@@ -97,8 +97,11 @@ class _Track(Generic[P]):
     def update(self, measured: _Measured[P], stamp: float) -> None:
         """It was seen again."""
         after = max(0.0, stamp - self.stamp)
-        self._yaw.update(measured.yaw, after)
-        self._pitch.update(measured.pitch, after)
+        before = self.last
+        across = wrap(measured.yaw - measured.bearing - before.yaw + before.bearing)
+        down = measured.pitch - measured.elevation - before.pitch + before.elevation
+        self._yaw.update(measured.yaw, after, abs(across))
+        self._pitch.update(measured.pitch, after, abs(down))
         self.times += measured.sighting.found
         self.stamp, self.last = stamp, measured
 

@@ -26,6 +26,12 @@ PAUSE = 0.5
 HEAD_LAG = 0.01
 """Seconds from telling a head where to look to its servos standing there: they need some milliseconds a degree."""
 
+CLOSE = math.radians(1)
+"""Radians within which a head is with its target: servos that know whole degrees stand no closer."""
+
+STANDS = math.radians(5)
+"""rad/s: a base that turns faster takes part in catching up, by as much as is not known before its lag is."""
+
 
 @dataclass(frozen=True, slots=True)
 class Command:
@@ -86,7 +92,7 @@ class Follower:
         if self._limits is None:
             turn = self._turn(now, target, base, span, known)
         else:
-            turn = self._look(now, target, base, span, known, self._limits)
+            turn = self._look(now, target, head, base, span, known, self._limits)
         turn = min(max(turn, -self._max_turn), self._max_turn)
         self._lag.tell(now, turn)
         return Command(self._goal, turn)
@@ -108,15 +114,25 @@ class Follower:
         return _asked(self._rules.turn, {**known, ERROR: off.left, RATE: rate})
 
     def _look(
-        self, now: float, target: Percept, base: Turning, span: float, known: dict[str, float], limits: HeadLimits
+        self,
+        now: float,
+        target: Percept,
+        head: HeadPose,
+        base: Turning,
+        span: float,
+        known: dict[str, float],
+        limits: HeadLimits,
     ) -> float:
         """Move the head's goal on; return how fast the base should turn after it."""
         rules, goal = self._rules, self._goal
         # A head has come to its goal for the most part of the time until the next one: it is meant for the middle.
         time = now + HEAD_LAG - span / 2
-        off = self._view.off(target, time=time, base=self._ahead.at(time, base), aim=goal)
-        across = {**known, ERROR: off.left + _trail(off.left_rate, limits), RATE: off.left_rate}
-        down = {ERROR: off.down + _trail(off.down_rate, limits), RATE: off.down_rate}
+        there = self._ahead.at(time, base)
+        off = self._view.off(target, time=time, base=there, aim=goal)
+        left = goal.pan + off.left - head.pan if abs(there.rate) < STANDS else 0.0
+        below = goal.tilt + off.down - head.tilt
+        across = {**known, ERROR: off.left + _lead(off.left_rate, left, limits), RATE: off.left_rate}
+        down = {ERROR: off.down + _lead(off.down_rate, below, limits), RATE: off.down_rate}
         if not rules.predict:
             across[ERROR], down[ERROR] = off.left, off.down
         pan, tilt = self._stride(rules.pan, across, span, limits), self._stride(rules.tilt, down, span, limits)
@@ -140,6 +156,15 @@ def _asked(law: Law | None, known: dict[str, float]) -> float:
     return 0.0 if law is None else law(known)
 
 
-def _trail(rate: float, limits: HeadLimits) -> float:
-    """Return how far a head trails a goal that moves at ``rate``: by the way in which it would brake for it."""
-    return rate * abs(rate) / (2 * limits.acceleration)
+def _lead(rate: float, behind: float, limits: HeadLimits) -> float:
+    """Return how far beyond a target that moves at ``rate`` the goal of a head belongs that is ``behind`` it.
+
+    A head brakes for its goal. This one comes to rest where a head would that closes in as fast as it may, if it is to
+    go with the target from the moment when it has caught up.
+    """
+    trail = rate * abs(rate) / (2 * limits.acceleration)
+    if rate * behind <= 0.0:
+        return trail
+    closing = math.sqrt(2 * limits.acceleration * max(0.0, abs(behind) - CLOSE))
+    speed = min(abs(rate) + closing, limits.speed)
+    return trail + math.copysign(max(0.0, speed**2 - rate**2 - closing**2) / (2 * limits.acceleration), rate)

@@ -29,7 +29,19 @@ FEWEST = 4
 """Pictures that a line takes; through fewer the filter's rate is the better one."""
 
 FITS = radians(0.5)
-"""Radians that each may be beside it."""
+"""Radians that each may be beside it, the newest and nine of ten."""
+
+SETS_OFF = radians(0.4), radians(8)
+"""Radians by which the angle is beside the line before, and rad/s by which the filter's rate is, of one who sets off.
+No line is made of what was before any more."""
+
+STOOD, STANDS = 0.4, radians(0.6)
+"""Seconds for which he must have stood, within ``FITS``, and radians within which the camera stood, and is to stand.
+Otherwise it may be the camera that has set off, at another time than is believed."""
+
+KEPT = 0.1
+"""The share that counts on of what was learnt of one who sets off: where he is foretold badly again and again, trust in
+what is foretold must not return each time."""
 
 MEMORY = 1.5
 """Seconds after which experience has faded to a third."""
@@ -58,7 +70,10 @@ ABLE = 0.7
 
 @dataclass(frozen=True, slots=True)
 class _Past:
-    """A target at a time: its angle and rate, its slow mean, and the line through the last moments (radians, rad/s)."""
+    """A target at a time: its angle and rate, its slow mean, and the line through the last moments (radians, rad/s).
+
+    ``looks`` is where the camera looked.
+    """
 
     stamp: float
     angle: float
@@ -66,6 +81,7 @@ class _Past:
     mean: float
     level: float
     slope: float
+    looks: float
 
 
 class Foresight:
@@ -85,10 +101,15 @@ class Foresight:
         self._trust, self._pull, self._share = 1.0, 0.0, 1.0
         self._weights = [1.0, 0.0, 0.0]
 
-    def foretell(self, stamp: float, angle: float, rate: float, ahead: float) -> tuple[float, float]:
-        """Return (angle, rate) as they will be ``ahead`` seconds after ``stamp``, when the target was as told."""
+    def foretell(
+        self, stamp: float, angle: float, rate: float, ahead: float, camera: tuple[float, float] = (0.0, 0.0)
+    ) -> tuple[float, float]:
+        """Return (angle, rate) as they will be ``ahead`` seconds after ``stamp``, when the target was as told.
+
+        ``camera`` is where the camera looked then, and where it is to look by now (radians).
+        """
         if not self._past or stamp > self._past[-1].stamp:
-            self._see(stamp, angle, rate, ahead)
+            self._see(stamp, angle, rate, ahead, camera)
         now = self._past[-1]
         walk, swing, rest = self._weights
         back = now.mean - angle
@@ -99,25 +120,40 @@ class Foresight:
         going = walk * now.slope + swing * turned
         return self._middle + self._share * (there - self._middle), self._share * going
 
-    def _see(self, stamp: float, angle: float, rate: float, ahead: float) -> None:
+    def _see(self, stamp: float, angle: float, rate: float, ahead: float, camera: tuple[float, float]) -> None:
         """Take in a new picture, and judge by it what was foretold ``ahead`` seconds before."""
         span = stamp - self._past[-1].stamp if self._past else 0.0
         if span > MEAN:
             self._begin()
-        if not self._past:
-            span, mean = 0.0, angle
-        else:
+        mean = angle
+        if self._past:
             self._since += span
             before = self._past[-1].mean
             mean = before + (angle - before) * min(1.0, span / min(self._since, MEAN))
+            if self._sets_off(stamp, angle, rate, camera):
+                self._past.clear()
+                self._sums = [KEPT * old for old in self._sums]
+                self._off_line *= KEPT
+                self._fit()
         fade = exp(-span / MEMORY)
-        self._past.append(_Past(stamp, angle, rate, mean, *self._line(stamp, angle, rate)))
+        self._past.append(_Past(stamp, angle, rate, mean, *self._line(stamp, angle, rate), camera[0]))
         while stamp - self._past[0].stamp > MEAN:
             self._past.popleft()
         self._limit()
         then = min(self._past, key=lambda past: abs(stamp - ahead - past.stamp))
         if then.stamp < stamp:
             self._judge(then, angle - then.angle, stamp - then.stamp, fade)
+
+    def _sets_off(self, stamp: float, angle: float, rate: float, camera: tuple[float, float]) -> bool:
+        """Say whether the target stood, before a camera that stands, and has just left the line that it was on."""
+        before = self._past[-1]
+        off = angle - before.level - before.slope * (stamp - before.stamp)
+        if abs(off) < SETS_OFF[0] or abs(rate - before.slope) < SETS_OFF[1] or stamp - self._past[0].stamp < STOOD:
+            return False
+        recent = [(past.angle, past.looks) for past in self._past if stamp - past.stamp <= STOOD]
+        angles, looked = zip(*recent, (before.angle, before.looks), strict=True)
+        looked = *looked, *camera
+        return bool(max(angles) - min(angles) < 2 * FITS and max(looked) - min(looked) < STANDS)
 
     def _line(self, stamp: float, angle: float, rate: float) -> tuple[float, float]:
         """Return the straight line through the last moments that are on one: its value now, and its slope."""
@@ -129,7 +165,8 @@ class Foresight:
             time, level = (sum(column) / len(recent) for column in zip(*recent, strict=True))
             slope = sum((t - time) * (y - level) for t, y in recent) / sum((t - time) ** 2 for t, _ in recent)
             level -= slope * time
-            if all(abs(y - level - slope * t) <= FITS for t, y in recent):
+            beside = sum(abs(y - level - slope * t) > FITS for t, y in recent)
+            if beside <= len(recent) // 10 and abs(angle - level) <= FITS:
                 return level, slope
         return angle, rate
 

@@ -47,8 +47,10 @@ class Expected:
         if target.id != self._id:
             self._id, self._yaw, self._pitch = target.id, Foresight(self._acceleration), Foresight(self._acceleration)
         ahead = time - target.stamp
-        yaw, yaw_rate = self._yaw.foretell(target.stamp, target.yaw, target.yaw_rate, ahead)
-        pitch, pitch_rate = self._pitch.foretell(target.stamp, target.pitch, target.pitch_rate, ahead)
+        across = target.yaw - target.bearing, base.heading + aim.pan
+        down = target.pitch - target.elevation, aim.tilt
+        yaw, yaw_rate = self._yaw.foretell(target.stamp, target.yaw, target.yaw_rate, ahead, across)
+        pitch, pitch_rate = self._pitch.foretell(target.stamp, target.pitch, target.pitch_rate, ahead, down)
         # The remainder takes the shorter way round to a target behind.
         bearing = math.remainder(yaw - base.heading, math.tau)
         return Offset(bearing - aim.pan, pitch - aim.tilt, yaw_rate - base.rate, pitch_rate)

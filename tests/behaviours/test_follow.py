@@ -205,8 +205,11 @@ def test_it_never_steps_past_a_face_whatever_the_ticks(
     for tick in [0.0, *ticks]:
         now += tick
         pan = follower.step(now, face, head=head, base=STILL).head.pan
-        # A step leads no farther than to where the face will be at its end, or the head's limit before.
-        ahead = [min(max(face.predict(now + span)[0], LIMITS.pan[0]), LIMITS.pan[1]) for span in (0.0, LONGEST_STEP)]
+        # A step leads no farther than to where the face will be at its end, or beyond one that goes on by the way in
+        # which a head brakes; or the head's limit before.
+        brakes = math.copysign(LIMITS.speed**2 / (2 * LIMITS.acceleration), rate) if rate else 0.0
+        places = [face.predict(now + span)[0] + way for span in (0.0, LONGEST_STEP) for way in (0.0, brakes)]
+        ahead = [min(max(place, LIMITS.pan[0]), LIMITS.pan[1]) for place in places]
         assert pan <= max(ahead) + 1e-9 if left else pan >= min(ahead) - 1e-9
 
 

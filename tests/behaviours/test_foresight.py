@@ -96,3 +96,19 @@ def test_after_a_long_absence_it_begins_afresh() -> None:
     for n in range(60):
         foresight.foretell(n / 20, 0.2 * sin(n), 0.0, AHEAD)
     assert foresight.foretell(60.0, 1.0, 0.1, AHEAD) == pytest.approx((1.0 + 0.1 * AHEAD, 0.1), abs=radians(0.5))
+
+
+def test_who_sets_off_is_believed_again_unless_it_may_be_the_camera_that_has() -> None:
+    rates = {}
+    for camera in ((0.0, 0.0), (0.0, radians(3)), (radians(3), 0.0)):
+        foresight, rate = Foresight(ABLE), 0.0
+        for n in range(63):  # what was foretold of a target that jumped was wrong; then it stood for 1 s, and walks
+            place, going = ((-1) ** (n // 4), 20.0 * (-1) ** (n // 4)) if n < 40 else (max(0.0, n - 59), 0.0)
+            going = 20.0 if n >= 60 else going
+            _, rate = foresight.foretell(
+                n / 20, radians(place), radians(going), AHEAD, camera if n == 60 else (0.0, 0.0)
+            )
+        rates[camera] = degrees(rate)
+    trusted, *distrusted = rates.values()
+    assert trusted == pytest.approx(20.0, abs=6.0)
+    assert max(distrusted) < trusted - 3.0

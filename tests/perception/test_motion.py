@@ -67,3 +67,14 @@ def test_two_measurements_at_one_time_are_averaged() -> None:
 def test_a_measurement_from_the_past_is_refused() -> None:
     with pytest.raises(ValueError, match="before the last one"):
         Motion(0.0).update(0.0, -0.1)
+
+
+@pytest.mark.parametrize(("noise", "turned", "known"), [(0.05, 0.0, True), (0.6, 0.0, False), (0.05, 3.0, False)])
+def test_who_sets_off_is_known_with_his_first_picture_as_far_as_it_is_exact(
+    noise: float, turned: float, known: bool
+) -> None:
+    motion = Motion(0.0)
+    for n in range(40):
+        motion.update(radians(noise) * (-1) ** n, 0.05)
+    motion.update(radians(1), 0.05, radians(turned))
+    assert (motion.rate > radians(15)) is known

@@ -31,7 +31,7 @@ class Row:
 
     def as_dict(self) -> dict[str, object]:
         """Return it for JSON: seconds and degrees."""
-        found = asdict(self.score) | {"ratio": self.score.ratio}
+        found = asdict(self.score) | {"ratio": self.score.ratio, "ratio_known": self.score.ratio_known}
         for name in ("overshoot", "rms"):
             found[name] = None if found[name] is None else math.degrees(found[name])
         return {"scenario": self.scenario.name, "body": str(self.body), "controller": self.controller, **found}
@@ -56,7 +56,7 @@ def bench(
 def table(rows: Sequence[Row]) -> Iterator[str]:
     """Yield the lines of a table: a block for each scenario and body, a line for each controller."""
     width = max((len(row.controller) for row in rows), default=0)
-    yield f"{'':<{width + 2}} {'centred':>9} {'x bound':>8} {'overshoot':>10} {'RMS error':>10}"
+    yield f"{'':<{width + 2}} {'centred':>9} {'x bound':>8} {'x known':>8} {'overshoot':>10} {'RMS error':>10}"
     block = None
     for row in rows:
         if (row.scenario, row.body) != block:
@@ -66,23 +66,28 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def summary(rows: Sequence[Row]) -> Iterator[str]:
-    """Yield the lines of a table over several seeds: how many times the bound, and RMS errors; median and worst."""
+    """Yield the lines of a table over several seeds: how many times the bound, and what is known; RMS errors.
+
+    Each is the median and the worst.
+    """
     names = list(dict.fromkeys(row.controller for row in rows))
-    yield f"{'':<24} {'':<5}" + "".join(f" {name:>24}" for name in names)
+    yield f"{'':<24} {'':<5}" + "".join(f" {name:>37}" for name in names)
     blocks: dict[tuple[str, Body], dict[str, list[Score]]] = {}
     for row in rows:
         blocks.setdefault((row.scenario.name, row.body), {}).setdefault(row.controller, []).append(row.score)
     for (scenario, body), scores in blocks.items():
-        yield f"{scenario:<24} {body:<5}" + "".join(f" {_summed(scores[name]):>24}" for name in names)
+        yield f"{scenario:<24} {body:<5}" + "".join(f" {_summed(scores[name]):>37}" for name in names)
 
 
 def _summed(scores: Sequence[Score]) -> str:
-    """Return times the bound (median, worst or how often never) and degrees RMS (median, worst or how often lost)."""
+    """Return times the two bounds (median, worst or how often never) and degrees RMS (or how often lost)."""
     ratios = sorted(score.ratio for score in scores if score.ratio is not None)
+    known = sorted(score.ratio_known for score in scores if score.ratio_known is not None)
     errors = sorted(math.degrees(score.rms) for score in scores if score.rms is not None)
     never, lost = len(scores) - len(ratios), len(scores) - len(errors)
-    centred = "" if scores[0].bound == 0 else f"never {never}/{len(scores)}" if never else _both(ratios, "x", 2)
-    return f"{centred:>12} " + (f"lost {lost}/{len(scores)}" if lost else _both(errors, "", 1))
+    centred = f"never {never}/{len(scores)}" if never else f"{_both(ratios, 'x', 2)} {_both(known, 'x', 2):>12}"
+    centred = "" if scores[0].bound == 0 else centred
+    return f"{centred:>25} " + (f"lost {lost}/{len(scores)}" if lost else _both(errors, "", 1))
 
 
 def _both(sorted_values: Sequence[float], sign: str, digits: int) -> str:
@@ -92,6 +97,6 @@ def _both(sorted_values: Sequence[float], sign: str, digits: int) -> str:
 
 def _figures(found: Score) -> str:
     centred = "never" if found.centred is None else f"{found.centred:.2f} s"
-    ratio = "" if found.ratio is None else f"{found.ratio:.2f}"
+    ratios = " ".join("        " if found is None else f"{found:8.2f}" for found in (found.ratio, found.ratio_known))
     rms = "lost" if found.rms is None else f"{math.degrees(found.rms):.2f} deg"
-    return f"{centred:>9} {ratio:>8} {math.degrees(found.overshoot):6.2f} deg {rms:>10}"
+    return f"{centred:>9} {ratios} {math.degrees(found.overshoot):6.2f} deg {rms:>10}"

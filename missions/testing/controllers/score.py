@@ -1,10 +1,10 @@
 """How good a trial was, and how good it could have been."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import radians, sqrt
 
 from drivers.kobuki.limits import BRAKING
-from missions.testing.controllers.scenario import Body, Scenario
+from missions.testing.controllers.scenario import Body, Scenario, stands
 from missions.testing.controllers.trial import BASE, HEAD, Trace
 
 CENTRED = radians(2)
@@ -21,7 +21,8 @@ class Score:
     """What a trial comes to.
 
     ``centred`` is the time in seconds from which on the face was centred, None where it never was; ``bound`` the least
-    that it can be. ``overshoot`` is how far past the face it went at first, ``rms`` the error of following; radians.
+    that it can be for one who knows with the first picture what the face does, and ``known`` for one who must see it.
+    ``overshoot`` is how far past the face it went at first, ``rms`` the error of following; radians.
     A face that was ``lost`` has no ``rms``.
     """
 
@@ -30,11 +31,17 @@ class Score:
     overshoot: float
     rms: float | None
     lost: bool
+    known: float = 0.0
 
     @property
     def ratio(self) -> float | None:
         """How many times the bound it took to centre the face."""
         return self.centred / self.bound if self.centred is not None and self.bound > 0 else None
+
+    @property
+    def ratio_known(self) -> float | None:
+        """How many times the least that it can take who sees what the face does."""
+        return self.centred / self.known if self.centred is not None and self.known > 0 else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +74,17 @@ def score(trace: Trace, scenario: Scenario, body: Body) -> Score:
     outside = max((time for time, error in foreseen if abs(error) > CENTRED), default=0.0)
     early = [error for time, error in foreseen if time < scenario.settled]
     late = [error**2 for time, error in samples if time >= scenario.settled]
+    can, lag = ability(body), scenario.base_lag if body is Body.BASE else 0.0
+    # One picture shows where a face is. How fast it goes, two show.
+    least, told = bound(scenario, can, lag), 0 if scenario.path is stands else 1
+    seen = trace.understood[told] if len(trace.understood) > told else scenario.latency
     return Score(
         centred=None if trace.lost or not foreseen or outside >= scenario.surprise - STAYING else outside,
-        bound=bound(scenario, ability(body), lag=scenario.base_lag if body is Body.BASE else 0.0),
+        bound=least,
         overshoot=max(0.0, -min(early, default=0.0)),
         rms=None if trace.lost or not late else sqrt(sum(late) / len(late)),
         lost=trace.lost,
+        known=max(least, bound(replace(scenario, latency=seen), can, lag)),
     )
 
 

@@ -46,7 +46,7 @@ class FilteredSight(NewestView):
         self._followed: dict[int, tuple[Motion, Face]] = {}
         self._ids = 0
         self._before: tuple[float, Floats] | None = None
-        self._last = 0.0
+        self._last = self._looked = 0.0
 
     def measure(self, bearing: float) -> Box | None:
         """Return where a face is in a picture; None where it is not wholly inside."""
@@ -68,6 +68,7 @@ class FilteredSight(NewestView):
         gaze = self._gaze(stamp)
         for box in boxes:
             self._follow(stamp, box, gaze, alone=len(boxes) == 1)
+        self._looked = gaze.yaw
         faces = (face for _, face in self._followed.values() if stamp - face.stamp < GONE)
         self._view = View(looked=stamp, faces=tuple(faces))
 
@@ -83,7 +84,7 @@ class FilteredSight(NewestView):
         number = min(offs, key=lambda number: offs[number], default=0)
         if number and offs[number] < GATE:
             motion, before = self._followed[number]
-            motion.update(yaw, stamp - before.stamp)
+            motion.update(yaw, stamp - before.stamp, abs(gaze.yaw - self._looked))
         else:
             if alone:  # it has jumped; nobody is where it was
                 self._followed.clear()

@@ -46,10 +46,14 @@ BASE = Limits(max_linear=0.5, max_angular=1.92, linear_acceleration=0.5, angular
 
 @dataclass(slots=True)
 class Trace:
-    """What a trial showed: at each of ``times`` (seconds) the ``errors`` (radians), and whether the face was lost."""
+    """What a trial showed: at each of ``times`` (seconds) the ``errors`` (radians), and whether the face was lost.
+
+    ``understood`` are the times at which the pictures that were taken from time 0 on were known.
+    """
 
     times: list[float] = field(default_factory=list)
     errors: list[float] = field(default_factory=list)
+    understood: list[float] = field(default_factory=list)
     lost: bool = False
 
 
@@ -158,6 +162,8 @@ class Trial:
             return
         late = scenario.latency + (self._random.uniform(-1, 1) * scenario.jitter if scenario.jitter else 0.0)
         self._arrived = max(now + max(late, 0.0), self._arrived)  # no picture overtakes another
+        if self._time() >= 0:
+            self._trace.understood.append(self._arrived - now + self._time())
         self._timeline.at(self._arrived, partial(self._understand, now + scenario.stamped, boxes, self._gaze()))
 
     def _understand(self, stamp: float, boxes: Sequence[Box], looked: float) -> None:

@@ -1,21 +1,36 @@
 """How the controllers track in simulation: the figures that the project promises, and what they are measured by."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from math import degrees, inf, radians, sqrt
 from typing import Any
 
 import pytest
 
+from behaviours.tracking import ahead, lag
 from behaviours.tracking.follow import HEAD_LAG
-from behaviours.tracking.lag import Lag
+from behaviours.tracking.lag import Lag, ramped
 from behaviours.tracking.rules import RuleBases
 from behaviours.tracking.track_face import TrackFace
+from drivers.api import HeadPose
+from drivers.sim.twins.head import HeadTwin
 from missions.library.things import controller
+from missions.testing.controllers import trial
 from missions.testing.controllers.bench import CONTROLLERS, bench, table
-from missions.testing.controllers.scenario import DELAYS, SCENARIOS, SWING, Body, Scenario, stands, walks
+from missions.testing.controllers.scenario import (
+    DELAYS,
+    LEARNING,
+    SCENARIOS,
+    SWING,
+    Body,
+    Scenario,
+    stands,
+    swings,
+    walks,
+)
 from missions.testing.controllers.score import Ability, Score, ability, bound, score
-from missions.testing.controllers.trial import Trace, Trial
+from missions.testing.controllers.trial import BASE, HEAD, Trace, Trial
 from perception.delay import Delay
 
 STEP, WALK = SCENARIOS[:2]
@@ -159,6 +174,50 @@ def test_who_is_followed_is_not_left_for_somebody_who_crosses(tried: Tried) -> N
         assert degrees(found.rms) < 1.0
 
 
+@pytest.mark.parametrize("wrong", ["servos", "head", "base"])
+def test_nothing_swings_where_a_robot_is_not_what_its_file_says(
+    rules: dict[str, RuleBases], wrong: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if wrong == "servos":  # slower by 30 %
+        monkeypatch.setattr("drivers.sim.twins.head.SERVO_SPEED", 0.7 * degrees(HEAD.speed))
+    elif wrong == "head":  # 50 ms later
+        monkeypatch.setattr(HeadTwin, "true_pose", lambda head, now: head.pose_at(now - 0.05) or HeadPose(0.0, 0.0))
+    else:  # half as quick as is believed
+        monkeypatch.setattr(trial, "BASE", replace(BASE, angular_acceleration=BASE.angular_acceleration / 2))
+        for module in (lag, ahead):
+            monkeypatch.setattr(module, "ramped", lambda rate, told, most: ramped(rate, told, 2 * most))
+    step, walk = (Scenario(path.__name__, path, learning=LEARNING) for path in (stands, walks))
+    sways = Scenario("sways", swings(2.0), learning=LEARNING, seconds=9.0, settled=3.0)
+    for body in Body if wrong == "base" else (Body.HEAD, Body.BOTH):
+        centred = [
+            score(Trial(rules["face"], each, body, lag=TrackFace.lag).run(), each, body) for each in (step, walk)
+        ]
+        assert all(found.centred is not None and found.centred < 1.2 for found in centred)
+        assert all(found.rms is not None and degrees(found.rms) < 0.6 for found in centred)
+        swing = score(Trial(rules["face"], sways, body, lag=TrackFace.lag).run(), sways, body)
+        assert swing.rms is not None
+        assert swing.rms < SWING / sqrt(2) / 2
+
+
+def test_without_learning_a_head_whose_pictures_come_late_is_centred_as_soon(tried: Tried) -> None:
+    (late,) = (each for each in SCENARIOS if each.name == "step, 200 ms late")
+    ratios = sorted(tried("face", late, Body.HEAD, seed=seed).ratio or inf for seed in range(5))
+    assert ratios[2] <= LATER
+
+
+def test_who_walks_is_centred_hardly_later_than_he_can_be_who_must_see_it(tried: Tried) -> None:
+    slow = {}
+    for each in DELAYS:
+        if each.path is walks and not each.drops and not each.jitter:
+            for body in (Body.HEAD, Body.BASE):
+                found = sorted(
+                    tried("face", each, body, seed=n, lag=TrackFace.lag).ratio_known or 0.0 for n in (0, 1, 2)
+                )
+                if not 0.0 <= found[1] <= LATER:
+                    slow[each.name, body] = found
+    assert not slow
+
+
 # --- how it is measured -----------------------------------------------------------------------------------------------
 
 
@@ -188,6 +247,14 @@ def test_the_bound_of_a_walk_counts_what_the_face_has_gone_meanwhile() -> None:
     # 4 degrees ahead after 200 ms; 2 of them are to be made up for at 40 degrees/s.
     assert bound(Scenario("walk", walks, latency=0.2), can) == pytest.approx(0.2 + 2 / 40, abs=0.003)
     assert bound(WALK, ability(Body.BOTH)) < min(bound(WALK, ability(body)) for body in (Body.HEAD, Body.BASE))
+
+
+def test_who_must_see_that_somebody_walks_needs_two_pictures_as_they_came() -> None:
+    for path, understood in ((walks, 0.25), (stands, 0.15)):
+        scenario = Scenario("", path, latency=0.1)
+        found = score(Trace([0.0, 5.0], [0.0, 0.0], understood=[0.15, 0.25]), scenario, Body.HEAD)
+        assert found.known == bound(replace(scenario, latency=understood), ability(Body.HEAD))
+        assert found.known > found.bound
 
 
 def test_nobody_beats_the_bound_by_more_than_the_grain_of_the_measurement(tried: Tried) -> None:
@@ -231,7 +298,7 @@ def test_the_table_has_a_block_for_each_scenario_and_body(rules: dict[str, RuleB
     rows = list(bench(chosen, scenarios=[WALK], bodies=[Body.BASE]))
     assert [row.controller for row in rows] == ["face", "course"]
     heading, block, ours, theirs = table(rows)
-    assert heading.split() == ["centred", "x", "bound", "overshoot", "RMS", "error"]
+    assert heading.split() == ["centred", "x", "bound", "x", "known", "overshoot", "RMS", "error"]
     assert block == "walk at 20 deg/s, base: bound 0.30 s"
     assert ours.split()[0] == "face"
     assert theirs.split()[0::2] == ["course", "0.00", "lost"]
