@@ -10,7 +10,7 @@ import click
 from drivers.clock import SystemClock
 from missions.cli.numbers import Whole
 from missions.cli.outputs import writing
-from missions.cli.root import FAILURE, SUCCESS
+from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
 from missions.testing.many import GONE, cores, do_all
 from missions.testing.storm.play import Outcome, play_seed
 from missions.testing.storm.report import as_data, report, schedule
@@ -43,7 +43,8 @@ def command(
     the base must come to rest, nothing may move that no behaviour claims, limits are kept, every failure has a reason,
     and what was recorded is decided again as it was: docs/reliability.md has them all.
 
-    Exit code 0 is that all held, 1 that something broke.
+    Exit code 0 is that all held, 1 that something broke, 130 that it was interrupted; then what was played so far is
+    told.
     """
     if shrink and seed is None:
         raise click.UsageError("--shrink is for one seed: add --seed SEED")
@@ -52,14 +53,24 @@ def command(
     if seed is not None:
         return _one(seed, output or Path(f"test_storm_{seed}.py"), shrink=shrink, as_json=as_json)
     clock = SystemClock()
-    outcomes = sorted(_played(range(first, first + seeds), jobs or cores()), key=lambda it: it.weather.seed)
+    outcomes, interrupted = list[Outcome](), False
+    try:
+        for outcome in _played(range(first, first + seeds), jobs or cores()):
+            outcomes.append(outcome)
+            if outcome.broken:
+                click.echo(f"seed {outcome.weather.seed} breaks {', '.join(outcome.broken)}", err=True)
+    except KeyboardInterrupt:
+        interrupted = True
+    outcomes.sort(key=lambda it: it.weather.seed)
     wall = clock.now()
     click.echo(json.dumps(as_data(outcomes, wall), indent=2) if as_json else report(outcomes, wall))
+    if interrupted:
+        return INTERRUPTED
     return FAILURE if any(each.broken for each in outcomes) else SUCCESS
 
 
 def _played(seeds: range, jobs: int) -> Iterator[Outcome]:
-    """Yield what comes of each seed."""
+    """Yield what comes of each seed. With one job a run takes Ctrl-C for its own, and the next seed follows."""
     if jobs == 1:
         yield from map(play_seed, seeds)
         return

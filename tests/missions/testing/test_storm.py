@@ -20,7 +20,7 @@ from missions.executive.decided import Decided
 from missions.executive.executive import Executive
 from missions.testing.storm import invariants
 from missions.testing.storm.others import OTHERS, others_of
-from missions.testing.storm.play import play, play_seed, played_twice
+from missions.testing.storm.play import Outcome, play, play_seed, played_twice
 from missions.testing.storm.shrink import as_test, shrunk
 from missions.testing.storm.trees import Trees
 from missions.testing.storm.weather import Weather, draw, faults_of
@@ -237,3 +237,16 @@ def test_a_seed_that_breaks_something_is_told_with_what_to_type(
     told = command(capsys, "storm", "--seed", "7", "--shrink", "--output", str(written))
     assert told.code == 1
     assert "base bumped left at 2 s" in written.read_text()
+
+
+def test_a_storm_that_is_interrupted_tells_what_was_played_so_far(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def played(*_: object) -> Iterator[Outcome]:
+        yield play_seed(2)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("missions.cli.storm._played", played)
+    told = command(capsys, "storm", "--seeds", "20000")
+    assert told.code == 130
+    assert told.out.startswith("1 seeds, ")
