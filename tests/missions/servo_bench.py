@@ -5,8 +5,8 @@ from contextlib import contextmanager
 from math import radians
 from pathlib import Path
 
-from drivers.clock import SystemClock
 from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
 
@@ -27,14 +27,18 @@ arm:
 
 
 class Three:
-    """The robot: ``waist`` and ``elbow`` are AX-12A, ``wrist`` is an XL430."""
+    """The robot: ``waist`` and ``elbow`` are AX-12A, ``wrist`` is an XL430.
+
+    On ``clock`` no time passes while they are held up: a command that has it misses none of their replies.
+    """
 
     def __init__(self, path: Path, *, at_end: str = "relax") -> None:
         self.waist = VirtualServo(1)
         self.elbow = VirtualServo(2, angle=radians(10))
         self.wrist = VirtualServo(3, model="XL430-W250")
         self.bus = VirtualServoBus([self.waist, self.elbow, self.wrist], 1_000_000)
-        self.terminal = Terminal("servos", self.bus, SystemClock())
+        self.clock = PatientClock()
+        self.terminal = Terminal("servos", self.bus, self.clock)
         self.path = path
         path.write_text(FILE.replace("PORT", self.terminal.path).replace("AT_END", at_end))
 

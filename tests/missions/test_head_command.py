@@ -154,7 +154,6 @@ def test_a_shipped_robot_is_never_written_and_the_way_to_a_copy_is_told(mission:
         (("where", "--robot", "bodiless.yaml"), 2, "bodiless has no head"),
     ],
 )
-@pytest.mark.real_time
 def test_what_cannot_be_done_is_said_in_words(
     mission: Mission, arguments: tuple[str, ...], code: int, words: str
 ) -> None:

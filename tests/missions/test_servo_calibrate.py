@@ -34,6 +34,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Three]:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("missions.cli.servo.bench.REPLY_TIMEOUT", 0.1)
     with three(Path("three.yaml")) as found:
+        monkeypatch.setattr("missions.cli.servo.bench.SystemClock", lambda: found.clock)
         yield found
 
 
@@ -95,7 +96,6 @@ def test_where_the_arm_stands_at_first_may_become_its_zero(robot: Three, mission
     assert limits(robot.path, "waist") == pytest.approx((-60.0, 60.0), abs=3 * TICK)
 
 
-@pytest.mark.real_time
 def test_what_was_not_turned_is_not_written(robot: Three, mission: Mission) -> None:
     before = robot.path.read_text()
     outcome = mission("servo calibrate --robot three.yaml wrist --seconds 0.2")
@@ -119,7 +119,6 @@ def test_the_enter_key_needs_a_terminal(mission: Mission) -> None:
 # The file
 
 
-@pytest.mark.real_time
 def test_joints_in_steps_stay_in_steps_and_earlier_files_are_all_kept(robot: Three) -> None:
     first = robot.path.read_text()
     assert keep_ranges(robot.path, {"wrist": Range(1100, 3000, 2000)}).name == "three.yaml.bak"
@@ -130,7 +129,6 @@ def test_joints_in_steps_stay_in_steps_and_earlier_files_are_all_kept(robot: Thr
     assert [Path(f"three.yaml.{end}").read_text() for end in ("bak", "bak2")] == [first, second]
 
 
-@pytest.mark.real_time
 def test_a_file_that_says_it_another_way_is_left_alone(robot: Three) -> None:
     text = robot.path.read_text().replace("limits: [-90 deg, 90 deg]", "limits: &both [-90 deg, 90 deg]")
     robot.path.write_text(text.replace("limits: [-60 deg, 60 deg]", "limits: *both"))
@@ -176,7 +174,6 @@ def test_a_model_may_be_called_what_robot_files_call_it(tmp_path: Path, mission:
     assert "model: AX-12A" in outcome.out
 
 
-@pytest.mark.real_time
 def test_its_joints_are_added_to_an_arm_and_all_else_stays(robot: Three, mission: Mission) -> None:
     Path("arm.yaml").write_text(ROS)
     before = robot.path.read_text().splitlines()
@@ -200,7 +197,6 @@ def test_its_joints_are_added_to_an_arm_and_all_else_stays(robot: Three, mission
         ("three.yaml", "three.yaml:2:"),
     ],
 )
-@pytest.mark.real_time
 def test_what_cannot_be_imported_is_said_in_words(robot: Three, mission: Mission, arguments: str, words: str) -> None:
     Path("arm.yaml").write_text(ROS)
     before = robot.path.read_text()

@@ -73,7 +73,6 @@ def test_a_gesture_is_played_and_how_well_it_was_followed_is_told(robot: Three, 
     wait_until(lambda: robot.elbow.limp)  # at_end: relax
 
 
-@pytest.mark.real_time
 def test_a_dry_run_says_what_would_be_sent_and_opens_nothing(robot: Three, mission: Mission) -> None:
     robot.path.write_text(robot.path.read_text().replace(robot.terminal.path, "/dev/nothing_here"))
     outcome = mission("servo play nod.yaml --robot three.yaml --dry-run --speed 0.5 --plot nod.png")

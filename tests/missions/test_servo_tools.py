@@ -27,6 +27,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Three]:
     for constant in ("missions.cli.servo.bench.REPLY_TIMEOUT", "drivers.dynamixel.make.REPLY_TIMEOUT"):
         monkeypatch.setattr(constant, 0.1)
     with three(Path("three.yaml")) as found:
+        monkeypatch.setattr("missions.cli.servo.bench.SystemClock", lambda: found.clock)
         yield found
 
 
@@ -43,7 +44,6 @@ def servo(robot: Three, capsys: pytest.CaptureFixture[str]) -> Servo:
 # Looking
 
 
-@pytest.mark.real_time
 @pytest.mark.parametrize("framing", [(), ("--framing", "sdk")], ids=["ours", "the vendor's"])
 def test_a_scan_shows_every_servo_with_its_model_and_how_it_is(
     servo: Servo, robot: Three, framing: tuple[str, ...]
@@ -59,7 +59,6 @@ def test_a_scan_shows_every_servo_with_its_model_and_how_it_is(
     assert rows[3][7] == "11.1"
 
 
-@pytest.mark.real_time
 def test_a_scan_tells_in_what_the_servos_are_not_those_of_the_file(servo: Servo, robot: Three) -> None:
     robot.waist.present = False
     robot.elbow.set("baud", baud_code(57_600, 1))
@@ -74,7 +73,6 @@ def test_a_scan_tells_in_what_the_servos_are_not_those_of_the_file(servo: Servo,
     assert "write model: XL430-W250" in outcome.err
 
 
-@pytest.mark.real_time
 def test_where_nothing_answers_the_causes_are_named(servo: Servo, robot: Three) -> None:
     for each in robot.bus.servos:
         each.present = False
@@ -85,7 +83,6 @@ def test_where_nothing_answers_the_causes_are_named(servo: Servo, robot: Three) 
         assert cause in outcome.err
 
 
-@pytest.mark.real_time
 def test_a_port_alone_can_be_scanned_without_any_file(robot: Three, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ("--port", robot.terminal.path, "--baud", "1000000", "--protocol", "2", *IDS, "--json")
     outcome = command(capsys, "servo", "scan", *arguments)
@@ -93,7 +90,6 @@ def test_a_port_alone_can_be_scanned_without_any_file(robot: Three, capsys: pyte
     assert (outcome.code, found["id"], found["model"], found["errors"]) == (0, 3, "XL430-W250", [])
 
 
-@pytest.mark.real_time
 def test_info_explains_the_registers_of_either_protocol(servo: Servo, robot: Three) -> None:
     robot.elbow.set("return_delay", 0)
     lines = {line.split()[1]: line for line in servo("info", "elbow").out.splitlines() if line[:8].strip().isdigit()}
@@ -105,7 +101,6 @@ def test_info_explains_the_registers_of_either_protocol(servo: Servo, robot: Thr
     assert (registers["operating_mode"], registers["present_position"]) == (3, 2048)
 
 
-@pytest.mark.real_time
 def test_the_monitor_shows_joints_in_their_own_angles_and_changes_nothing(servo: Servo, robot: Three) -> None:
     robot.waist.set("torque_enable", 1)
     robot.elbow.turn_by_hand(radians(10) - radians(30))
@@ -120,7 +115,6 @@ def test_the_monitor_shows_joints_in_their_own_angles_and_changes_nothing(servo:
             assert not register.writable or register.decode(was) == each.get(name), name
 
 
-@pytest.mark.real_time
 def test_the_monitor_says_which_joint_is_silent_or_has_shut_down(servo: Servo, robot: Three) -> None:
     robot.elbow.present = False
     robot.waist.set("torque_enable", 1)
@@ -143,7 +137,6 @@ def test_ctrl_c_ends_the_live_monitor_and_frees_the_port(robot: Three) -> None:
 # Changing
 
 
-@pytest.mark.real_time
 def test_a_register_is_set_by_name_and_verified(servo: Servo, robot: Three) -> None:
     outcome = servo("set", "elbow", "return_delay", "0", "--yes")
     assert outcome.code == 0, outcome.err
@@ -152,7 +145,6 @@ def test_a_register_is_set_by_name_and_verified(servo: Servo, robot: Three) -> N
     assert "is so already" in servo("set", "elbow", "return_delay", "0").out
 
 
-@pytest.mark.real_time
 def test_the_eeprom_is_not_written_without_a_yes(servo: Servo, robot: Three) -> None:
     outcome = servo("set", "all", "return_delay", "0")
     assert (outcome.code, robot.elbow.get("return_delay")) == (2, 250)
@@ -161,13 +153,11 @@ def test_the_eeprom_is_not_written_without_a_yes(servo: Servo, robot: Three) -> 
     assert [each.get("return_delay") for each in robot.bus.servos] == [0, 0, 0]
 
 
-@pytest.mark.real_time
 def test_ram_is_written_without_a_question_and_below_zero_too(servo: Servo, robot: Three) -> None:
     assert servo("set", "3", "goal_velocity", "-7").code == 0
     assert robot.wrist.get("goal_velocity") == -7
 
 
-@pytest.mark.real_time
 def test_a_stiff_servo_is_limp_after_its_eeprom_was_written_and_that_is_said(servo: Servo, robot: Three) -> None:
     robot.wrist.set("torque_enable", 1)
     outcome = servo("set", "wrist", "temperature_limit", "70", "--yes")
@@ -197,7 +187,6 @@ def test_what_cannot_be_set_is_said_with_what_may_be_meant(
     assert words in outcome.err
 
 
-@pytest.mark.real_time
 def test_a_servo_gets_another_id_unless_that_is_taken(servo: Servo, robot: Three) -> None:
     outcome = servo("set-id", "2", "1", "--yes")
     assert (outcome.code, robot.elbow.get("id")) == (3, 2)
@@ -206,7 +195,6 @@ def test_a_servo_gets_another_id_unless_that_is_taken(servo: Servo, robot: Three
     assert robot.elbow.get("id") == 7
 
 
-@pytest.mark.real_time
 def test_servos_get_another_rate_and_are_found_at_it(servo: Servo, robot: Three) -> None:
     outcome = servo("set-baud", "all", "57600", "--yes")
     assert outcome.code == 0, outcome.err
@@ -219,7 +207,6 @@ def test_servos_get_another_rate_and_are_found_at_it(servo: Servo, robot: Three)
 # Moving
 
 
-@pytest.mark.real_time
 def test_torque_goes_on_where_the_joints_stand_and_stays_as_it_was_left(servo: Servo, robot: Three) -> None:
     robot.elbow.turn_by_hand(radians(30))
     assert servo("torque", "on", "ax").code == 0
@@ -233,7 +220,6 @@ def test_torque_goes_on_where_the_joints_stand_and_stays_as_it_was_left(servo: S
     assert all(each.limp for each in robot.bus.servos)
 
 
-@pytest.mark.real_time
 def test_torque_tells_of_each_joint_that_did_not_confirm(servo: Servo, robot: Three) -> None:
     robot.elbow.present = False
     outcome = servo("torque", "off")
@@ -242,7 +228,6 @@ def test_torque_tells_of_each_joint_that_did_not_confirm(servo: Servo, robot: Th
     assert "wrist (servo 3) is limp" in outcome.out
 
 
-@pytest.mark.real_time
 def test_a_joint_moves_in_its_own_angle_and_the_arm_rests_after_it(servo: Servo, robot: Three) -> None:
     outcome = servo("move", "elbow", "-30", "deg")
     assert outcome.code == 0, outcome.err
@@ -256,7 +241,6 @@ def test_a_move_beyond_the_limits_is_clamped_and_that_is_said(servo: Servo) -> N
     assert (outcome.code, "its limit for +100.0 deg" in outcome.out) == (0, True)
 
 
-@pytest.mark.real_time
 def test_a_joint_that_does_not_arrive_fails_with_where_it_is(servo: Servo, robot: Three) -> None:
     robot.elbow.burden = 2.0
     outcome = servo("move", "elbow", "40 deg")
@@ -280,7 +264,6 @@ def test_what_makes_no_sense_is_said_in_words(servo: Servo, arguments: tuple[str
     assert (outcome.code, words in outcome.err) == (code, True), outcome.err
 
 
-@pytest.mark.real_time
 def test_an_overloaded_servo_is_recovered_where_it_stands(servo: Servo, robot: Three) -> None:
     robot.path.write_text(robot.path.read_text().replace("at_end: relax", "at_end: hold"))
     assert servo("torque", "on").code == 0
@@ -296,7 +279,6 @@ def test_an_overloaded_servo_is_recovered_where_it_stands(servo: Servo, robot: T
     assert servo("recover").out == "no servo has shut down\n"
 
 
-@pytest.mark.real_time
 def test_a_recovered_arm_is_limp_again_where_its_file_asks_for_that_and_it_is_said(servo: Servo, robot: Three) -> None:
     robot.wrist.set("torque_enable", 1)
     robot.wrist.overload()
@@ -307,7 +289,6 @@ def test_a_recovered_arm_is_limp_again_where_its_file_asks_for_that_and_it_is_sa
     assert robot.wrist.limp
 
 
-@pytest.mark.real_time
 def test_a_servo_that_does_not_come_back_from_a_recovery_is_said_to_be_limp(
     servo: Servo, robot: Three, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -320,7 +301,6 @@ def test_a_servo_that_does_not_come_back_from_a_recovery_is_said_to_be_limp(
     assert "still limp: wrist" in outcome.err
 
 
-@pytest.mark.real_time
 def test_torque_does_not_go_on_where_a_servo_has_shut_down(servo: Servo, robot: Three) -> None:
     for each in (robot.elbow, robot.wrist):
         each.set("torque_enable", 1)
@@ -335,7 +315,6 @@ def test_torque_does_not_go_on_where_a_servo_has_shut_down(servo: Servo, robot: 
     assert robot.elbow.get("torque_limit") == 0
 
 
-@pytest.mark.real_time
 def test_torque_goes_on_with_the_force_and_speed_of_the_file(servo: Servo, robot: Three) -> None:
     text = robot.path.read_text().replace("zero: 10 deg,", "zero: 10 deg, torque: 50 %,")
     robot.path.write_text(text)
@@ -344,7 +323,6 @@ def test_torque_goes_on_with_the_force_and_speed_of_the_file(servo: Servo, robot
     assert robot.elbow.get("moving_speed") == pytest.approx(120 / 360 * 60 / 0.111, abs=2)
 
 
-@pytest.mark.real_time
 def test_a_servo_whose_torque_does_not_stay_on_is_not_called_stiff(
     servo: Servo, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -356,7 +334,6 @@ def test_a_servo_whose_torque_does_not_stay_on_is_not_called_stiff(
     assert "elbow (servo 2): its torque does not stay on" in outcome.err
 
 
-@pytest.mark.real_time
 def test_a_servo_of_protocol_2_restarts(servo: Servo, robot: Three) -> None:
     robot.wrist.set("torque_enable", 1)
     robot.wrist.overload()

@@ -28,8 +28,6 @@ from drivers.virtual.ros2 import Ros2Terminal, Served, free_address
 from drivers.virtual.topics import VirtualBase, VirtualPictures, VirtualScan
 from tests.waiting import wait_until
 
-pytestmark = pytest.mark.real_time
-
 
 class Robot:
     """A virtual robot behind its router, and the real drivers of it, which go by ``router`` where one is named."""
@@ -77,6 +75,7 @@ def robot() -> Iterator[Robot]:
     robot.close()
 
 
+@pytest.mark.real_time
 def test_a_base_is_found_with_the_type_that_it_listens_for_and_driven(robot: Robot) -> None:
     robot.open()
 
@@ -94,6 +93,7 @@ def test_a_base_is_found_with_the_type_that_it_listens_for_and_driven(robot: Rob
     assert nodes == {"robot"}
 
 
+@pytest.mark.real_time
 def test_with_its_router_gone_it_comes_to_rest_and_with_it_back_it_goes_on_by_itself(robot: Robot) -> None:
     robot.open()
 
@@ -117,6 +117,7 @@ def test_with_its_router_gone_it_comes_to_rest_and_with_it_back_it_goes_on_by_it
     assert [each.kind for each in robot.told if each.device == "ros2"] == ["online", "offline", "online"]
 
 
+@pytest.mark.real_time
 def test_without_a_router_it_says_where_it_looked_and_what_to_start(robot: Robot) -> None:
     robot.graph.open()
     wait_until(lambda: "no router of Zenoh answers" in robot.graph.health().detail)
@@ -127,6 +128,7 @@ def test_without_a_router_it_says_where_it_looked_and_what_to_start(robot: Robot
 
 
 @pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.real_time
 def test_pictures_come_as_they_were_taken(robot: Robot, compressed: bool) -> None:
     shown = np.zeros((48, 64, 3), np.uint8)
     shown[:, 32:] = (250, 20, 30)
@@ -160,6 +162,7 @@ def test_a_picture_whose_figures_make_no_sense_is_none(values: dict[str, object]
         picture(IMAGES[0], types().encode(IMAGES[0], {**good, **values}))
 
 
+@pytest.mark.real_time
 def test_a_topic_of_a_name_is_no_action_of_it(robot: Robot) -> None:
     robot.open()
     wait_until(lambda: robot.graph.does("dock") and robot.graph.offers("odom"))

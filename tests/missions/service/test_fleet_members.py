@@ -25,8 +25,6 @@ from tests.certificates import authority, certificate
 from tests.missions.service.fleets import CountingBody, at, free_port, local_fleet, member, router
 from tests.waiting import wait_until
 
-pytestmark = pytest.mark.real_time
-
 ANNA, BOB = Address("anna", "0000000a"), Address("bob", "0000000b")
 
 
@@ -43,6 +41,7 @@ def state(operator: Operator, address: Address) -> RobotState:
     return found
 
 
+@pytest.mark.real_time
 def test_robots_are_listed_with_what_they_tell_and_how_they_went(fleet: FleetKeys, tmp_path: Path) -> None:
     body = CountingBody()
     with at(replace(fleet, robots=("anna", "carl"))) as operator, member(fleet, "anna", tmp_path, body):
@@ -57,6 +56,7 @@ def test_robots_are_listed_with_what_they_tell_and_how_they_went(fleet: FleetKey
         assert operator.missing() == ["carl"]
 
 
+@pytest.mark.real_time
 def test_an_operator_who_comes_later_hears_of_those_that_broke_off_and_names_them(
     fleet: FleetKeys, tmp_path: Path
 ) -> None:
@@ -72,6 +72,7 @@ def test_an_operator_who_comes_later_hears_of_those_that_broke_off_and_names_the
     assert (list(answers), silent) == ([ANNA], [str(BOB)])
 
 
+@pytest.mark.real_time
 def test_a_stop_is_confirmed_by_each_and_holds_until_it_is_released_also_over_a_restart(
     fleet: FleetKeys, tmp_path: Path
 ) -> None:
@@ -93,6 +94,7 @@ def test_a_stop_is_confirmed_by_each_and_holds_until_it_is_released_also_over_a_
         assert bodies["anna"].said == [f"stop by {operator.by}"]
 
 
+@pytest.mark.real_time
 def test_a_release_of_a_stop_that_nobody_has_seen_is_refused(fleet: FleetKeys, tmp_path: Path) -> None:
     with at(fleet) as one, at(fleet) as other, member(fleet, "anna", tmp_path, CountingBody()):
         one.stop()
@@ -105,6 +107,7 @@ def test_a_release_of_a_stop_that_nobody_has_seen_is_refused(fleet: FleetKeys, t
     assert "the last one is 2" in answers[ANNA].why
 
 
+@pytest.mark.real_time
 def test_a_file_of_the_stop_that_cannot_be_read_is_a_stop(fleet: FleetKeys, tmp_path: Path) -> None:
     (tmp_path / "anna").mkdir()
     (tmp_path / "anna" / FILE).write_text("{", encoding="utf-8")
@@ -113,6 +116,7 @@ def test_a_file_of_the_stop_that_cannot_be_read_is_a_stop(fleet: FleetKeys, tmp_
         assert "cannot be read" in state(operator, ANNA).stopped
 
 
+@pytest.mark.real_time
 def test_hostile_questions_are_refused_and_change_nothing(fleet: FleetKeys, tmp_path: Path) -> None:
     body = CountingBody()
     with at(fleet) as operator, member(fleet, "anna", tmp_path, body):
@@ -160,6 +164,7 @@ def test_without_keys_nothing_leaves_this_computer(endpoint: str, why: str, tmp_
             load_fleet(file)
 
 
+@pytest.mark.real_time
 def test_with_keys_of_one_authority_robots_meet_and_a_stranger_does_not(tmp_path: Path) -> None:
     for each in ("fleet", "other"):
         authority(tmp_path, each)

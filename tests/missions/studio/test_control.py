@@ -18,8 +18,6 @@ from tests.missions.lone_base import LoneBase
 from tests.missions.studio.running import DRIVING, REST, Client, run_of, seconds_to_rest
 from tests.waiting import wait_until
 
-pytestmark = pytest.mark.real_time
-
 
 @pytest.fixture
 def run(tmp_path: Path) -> Iterator[tuple[Process, LoneBase]]:
@@ -55,6 +53,7 @@ def test_the_socket_of_a_run_that_was_killed_is_taken_away(tmp_path: Path) -> No
         assert not path.exists()
 
 
+@pytest.mark.real_time
 def test_a_scene_tells_all_that_is_so_far_as_the_schema_says(run: tuple[Process, LoneBase]) -> None:
     with client_of(run[0]) as client:
         client.send(do="watch")
@@ -68,6 +67,7 @@ def test_a_scene_tells_all_that_is_so_far_as_the_schema_says(run: tuple[Process,
         assert {part["part"] for part in state["parts"]} == {"base"}
 
 
+@pytest.mark.real_time
 def test_the_base_stops_at_once_when_the_connection_of_its_driver_ends(run: tuple[Process, LoneBase]) -> None:
     process, base = run
     with client_of(process) as client:
@@ -78,6 +78,7 @@ def test_the_base_stops_at_once_when_the_connection_of_its_driver_ends(run: tupl
     assert seconds_to_rest(base, ended) < REST
 
 
+@pytest.mark.real_time
 def test_the_base_stops_by_itself_when_its_driver_falls_silent(run: tuple[Process, LoneBase]) -> None:
     process, base = run
     with client_of(process) as client:
@@ -88,6 +89,7 @@ def test_the_base_stops_by_itself_when_its_driver_falls_silent(run: tuple[Proces
         assert seconds_to_rest(base, last) < REST
 
 
+@pytest.mark.real_time
 def test_a_stop_latches_the_base_in_mid_drive_until_it_is_released(tmp_path: Path) -> None:
     with run_of(tmp_path, DRIVING) as (process, base), client_of(process) as client:
         wait_until(lambda: base.seen().top > 0.15)
@@ -110,6 +112,7 @@ def test_a_stop_latches_the_base_in_mid_drive_until_it_is_released(tmp_path: Pat
         wait_until(lambda: base.seen().moving)
 
 
+@pytest.mark.real_time
 def test_a_client_that_reads_nothing_costs_the_others_nothing(run: tuple[Process, LoneBase]) -> None:
     with client_of(run[0]) as slow, client_of(run[0]) as quick:
         slow.send(do="watch", events=True)
@@ -118,6 +121,7 @@ def test_a_client_that_reads_nothing_costs_the_others_nothing(run: tuple[Process
         assert ticks[-1] - ticks[0] >= 59
 
 
+@pytest.mark.real_time
 def test_what_is_no_command_is_answered_by_name_and_changes_nothing(run: tuple[Process, LoneBase]) -> None:
     with client_of(run[0]) as client:
         client.link.connection.sendall(b"nonsense\n")
@@ -138,6 +142,7 @@ def test_a_halted_run_says_how_it_ended(tmp_path: Path) -> None:
         jsonschema.validate(over, protocol())
 
 
+@pytest.mark.real_time
 def test_mission_stop_stops_a_run_of_another_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with run_of(tmp_path, DRIVING) as (process, base):
         wait_until(lambda: base.seen().top > 0.15)
@@ -162,6 +167,7 @@ def test_mission_stop_without_a_run_says_so(capsys: pytest.CaptureFixture[str]) 
     assert (missing.code, missing.err) == (1, "no run greet: `mission stop --list` lists what runs\n")
 
 
+@pytest.mark.real_time
 def test_a_run_that_hangs_is_stopped_all_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "hang.py").write_text(
         "import time\nfrom behaviours.leaf import Leaf\nfrom py_trees.common import Status\n"
@@ -180,6 +186,7 @@ def test_a_run_that_hangs_is_stopped_all_the_same(tmp_path: Path, capsys: pytest
         wait_until(lambda: process.process.poll() is not None, 30.0)
 
 
+@pytest.mark.real_time
 def test_a_run_whose_connections_are_all_taken_is_stopped_all_the_same(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -195,6 +202,7 @@ def test_a_run_whose_connections_are_all_taken_is_stopped_all_the_same(
         wait_until(lambda: not base.seen().moving)
 
 
+@pytest.mark.real_time
 def test_a_run_that_takes_no_more_connections_is_ended(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with run_of(tmp_path) as (process, _), ExitStack() as ends:
         for _ in range(MOST_CLIENTS):
@@ -206,6 +214,7 @@ def test_a_run_that_takes_no_more_connections_is_ended(tmp_path: Path, capsys: p
         assert process.process.wait(PATIENCE) != 0
 
 
+@pytest.mark.real_time
 def test_a_run_without_descriptors_lets_nobody_in_and_does_not_spin_until_it_has_some_again(
     run: tuple[Process, LoneBase],
 ) -> None:

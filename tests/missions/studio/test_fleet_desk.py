@@ -18,8 +18,6 @@ from missions.studio.form import BadMessage
 from missions.studio.wishes import Fleet, ReleaseFleet, StopFleet
 from tests.missions.service.fleets import CountingBody, free_port, local_fleet, member, router
 
-pytestmark = pytest.mark.real_time
-
 FILE = "fleet: trial\nmode: client\nconnect: ['tcp/127.0.0.1:{port}']\nrobots: [anna, carl]\n"
 
 
@@ -32,6 +30,7 @@ def write(port: int) -> None:
     (config_folder() / "fleet.yaml").write_text(FILE.format(port=port), encoding="utf-8")
 
 
+@pytest.mark.real_time
 def test_a_studio_joins_no_fleet_unasked() -> None:
     with pytest.raises(BadMessage, match=r"there is no fleet\.yaml") as refused:
         asked(FleetDesk(), StopFleet())
@@ -46,6 +45,7 @@ def test_a_file_that_is_wrong_is_told() -> None:
         asked(FleetDesk(), Fleet())
 
 
+@pytest.mark.real_time
 def test_robots_are_listed_stopped_and_released(tmp_path: Path) -> None:
     port, body, desk = free_port(), CountingBody(), FleetDesk()
     write(port)
@@ -66,6 +66,7 @@ def test_robots_are_listed_stopped_and_released(tmp_path: Path) -> None:
             desk.close()
 
 
+@pytest.mark.real_time
 def test_a_stop_does_not_wait_for_who_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     looks, met, in_time = Event(), Event(), list[bool]()
 
@@ -117,6 +118,7 @@ class Hurried:
         return {}, [f"{self.name} for {by}"]
 
 
+@pytest.mark.real_time
 def test_who_stops_a_fleet_waits_for_nobody_who_opens_a_session_and_one_of_both_is_closed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -146,6 +148,7 @@ def test_who_stops_a_fleet_waits_for_nobody_who_opens_a_session_and_one_of_both_
     assert made[1].left
 
 
+@pytest.mark.real_time
 def test_a_session_that_was_opened_while_the_studio_ended_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     desk, made = FleetDesk(), list[Hurried]()
 

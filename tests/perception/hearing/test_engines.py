@@ -109,7 +109,6 @@ def isolated(engine: Modelled, beside: Path) -> Worker:
     return Worker("ears", engine.program, SystemClock(), command=(sys.executable, "-I", "-c", code))
 
 
-@pytest.mark.real_time
 @pytest.mark.parametrize(("kind", "library", "stand_in"), [(Vosk, "vosk", VOSK), (Sherpa, "sherpa_onnx", SHERPA)])
 def test_an_engine_is_given_the_phrases_and_the_users_model(
     kind: type[Modelled], library: str, stand_in: str, tmp_path: Path
@@ -139,7 +138,6 @@ def test_an_engine_is_given_the_phrases_and_the_users_model(
     assert engine.judge(clip(2000), answers[2]) == NOTHING
 
 
-@pytest.mark.real_time
 @pytest.mark.parametrize(
     ("files", "complaint"),
     [((), "there is no tokens.txt"), (FILES[:1], r"there is no encoder\*.onnx"), (FILES[:3], "there is no decoder")],

@@ -25,8 +25,6 @@ from missions.testing.recorders import RecordedBase
 from tests.missions.command import command
 from tests.waiting import wait_until
 
-pytestmark = pytest.mark.real_time
-
 BACK = Told(events.ABS, events.STICK_Y, 32767)
 HOLD, LET_GO = (Told(events.KEY, events.SHOULDER_LEFT, value) for value in (1, 0))
 
@@ -62,6 +60,7 @@ def node(tmp_path: Path) -> Iterator[Node]:
     found.pull()
 
 
+@pytest.mark.real_time
 def test_whoever_holds_the_button_has_the_wheels_and_the_mission_gets_them_back(node: Node) -> None:
     clock, ending = SystemClock(), Event()
     terminal = Terminal("kobuki", VirtualKobuki(), clock)
@@ -100,6 +99,7 @@ def test_whoever_holds_the_button_has_the_wheels_and_the_mission_gets_them_back(
         terminal.close()
 
 
+@pytest.mark.real_time
 def test_a_pad_may_come_late_and_go_and_come_again(node: Node) -> None:
     base, told = RecordedBase(ManualClock()), list[DeviceStatus]()
     beside = Beside(base, node.pad, SystemClock(), report=told.append)

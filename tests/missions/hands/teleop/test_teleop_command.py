@@ -19,8 +19,6 @@ from tests.missions.command import command
 from tests.missions.lone_base import LoneBase, lone_base
 from tests.waiting import wait_until
 
-pytestmark = pytest.mark.real_time
-
 ROBOT = load_robot(find("robots", "turtlebot2")).base
 HALF = 0.5 * ROBOT.max_speed if ROBOT is not None else 0.0
 """m/s at which it begins."""
@@ -82,6 +80,7 @@ def driving() -> Iterator[tuple[Terminal, LoneBase]]:
         yield terminal, base
 
 
+@pytest.mark.real_time
 def test_a_key_drives_and_escape_ends_with_the_base_at_rest() -> None:
     with driving() as (terminal, base):
         wait_until(lambda: terminal.hold() and terminal.shows("teleop"), pause=0.02)
@@ -92,6 +91,7 @@ def test_a_key_drives_and_escape_ends_with_the_base_at_rest() -> None:
         assert base.seen().top == pytest.approx(HALF, abs=0.002)
 
 
+@pytest.mark.real_time
 def test_a_signal_ends_it_with_the_base_at_rest() -> None:
     with driving() as (terminal, base):
         terminal.process.send_signal(signal.SIGTERM)
@@ -99,6 +99,7 @@ def test_a_signal_ends_it_with_the_base_at_rest() -> None:
         wait_until(lambda: not base.seen().moving)
 
 
+@pytest.mark.real_time
 def test_a_reader_of_its_output_that_goes_ends_it() -> None:
     master, slave = pty.openpty()
     process = subprocess.Popen(
@@ -117,6 +118,7 @@ def test_a_reader_of_its_output_that_goes_ends_it() -> None:
     os.close(master)
 
 
+@pytest.mark.real_time
 def test_a_line_that_breaks_ends_it_with_the_base_at_rest() -> None:
     with driving() as (terminal, base):
         terminal.hang_up()
@@ -124,6 +126,7 @@ def test_a_line_that_breaks_ends_it_with_the_base_at_rest() -> None:
         wait_until(lambda: not base.seen().moving)
 
 
+@pytest.mark.real_time
 def test_it_drives_a_virtual_robot_in_a_world_where_none_is_named() -> None:
     with teleop("--world", "corridor", "--speed", "30 %") as terminal:
         wait_until(lambda: terminal.shows("30 % | "))
