@@ -178,8 +178,11 @@ class Client(Waiting):
 PERIOD = 0.04
 """Seconds from one state to the next, at least."""
 
-IDLE = 0.5
-"""Seconds from one state to the next, at most."""
+IDLE, MOVING = 0.5, 0.05
+"""Seconds from one state to the next, at most; the latter while the robot's place changes, which no event tells."""
+
+PLACE = ("pose", "joints", "scan")
+"""What a state tells of where the robot and its arms are, and what stands around it."""
 
 Json = dict[str, object]
 
@@ -241,6 +244,8 @@ class Audience:
         now = self._told_at = self._clock.now()
         self.due = now + IDLE
         state: Json = {"say": "state", "run": self._name, **self._outlet.news(self._doing.told())}
+        if not state.keys().isdisjoint(PLACE):
+            self.due = now + MOVING
         for client in self.clients:
             client.news(state)
         if self._outlet.listened:

@@ -1,0 +1,30 @@
+"""When a run tells those who watch it how it is."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from drivers.clock import ManualClock
+from missions.studio.audience import IDLE, MOVING, Audience
+
+
+@pytest.mark.parametrize(
+    ("news", "pause"),
+    [
+        ({"pose": [0.1, 0.0, 0.0]}, MOVING),
+        ({"joints": {"elbow": [0.5, 0.0, 30.0]}}, MOVING),
+        ({"scan": [[1.0, 0.0]]}, MOVING),
+        ({"tick": 7}, IDLE),
+    ],
+)
+def test_who_watches_is_told_soon_again_where_a_robot_is_while_that_changes(
+    news: dict[str, object], pause: float
+) -> None:
+    clock = ManualClock()
+    outlet: Any = SimpleNamespace(news=lambda more: {**more, **news}, watched=True, listened=False)
+    others: Any = SimpleNamespace(told=dict, watched=False)
+    audience = Audience("1", others, outlet, others, others, clock, {})
+    clock.advance(1.0)
+    audience.tell()
+    assert audience.due == pytest.approx(1.0 + pause)
