@@ -1,15 +1,10 @@
 """From the keys of a robot file to a screen."""
 
-from typing import TYPE_CHECKING
-
-from drivers.api import Mood
+from drivers.api import Mood, Screen
 from drivers.api.driver import Site
 from drivers.api.sections import ScreenKeys
 from drivers.screen.declared import PageKeys
 from drivers.screen.pages import PageScreen
-
-if TYPE_CHECKING:
-    from drivers.screen.printed import PrintedScreen
 
 
 def page(keys: PageKeys, site: Site) -> PageScreen:
@@ -17,7 +12,7 @@ def page(keys: PageKeys, site: Site) -> PageScreen:
     return PageScreen(site.clock, port=keys.port or 0, awake=Mood(keys.mood), report=site.report)
 
 
-def printed(keys: ScreenKeys, site: Site) -> "PrintedScreen":
+def printed(keys: ScreenKeys, site: Site) -> Screen:
     """Return a face that is told in words on the terminal."""
     from drivers.screen.printed import PrintedScreen  # noqa: PLC0415 - most robots have a page
 

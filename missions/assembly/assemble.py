@@ -11,7 +11,6 @@ from drivers.api.driver import Site, resolved
 from drivers.api.sections import Wired
 from drivers.clock import Clock
 from drivers.ports import refuse_other_than_serial
-from drivers.voice.make import printed
 from missions.assembly.assembled import Assembled, Looking
 from missions.assembly.lags import Lags
 from missions.assembly.order import with_carriers
@@ -28,6 +27,8 @@ def real_voice(place: "Place", section: Section, made: Mapping[str, Any]) -> tup
     if simulation is None:
         voice: Voice = place.device(section, made)
     else:
+        from drivers.voice.make import printed  # noqa: PLC0415 - a robot on the metal without a voice needs none of it
+
         out = partial(_aloud, place.audience.out, simulation.hear)
         voice = printed(section.keys, place.site(section, made, out))
     return voice, voice

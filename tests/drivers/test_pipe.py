@@ -132,8 +132,8 @@ def test_one_that_talks_nonsense_is_not_believed(bench: Bench) -> None:
 @pytest.mark.parametrize("nonsense", ['{"bytes": null}', "[" * 100_000])
 def test_no_nonsense_is_the_last_that_is_read(bench: Bench, nonsense: str) -> None:
     bench.run(f"print({nonsense!r}, flush=True); import sys; sys.stdin.read()")
-    wait_until(lambda: bench.ear.starts == 2)
-    assert len(bench.ear.losses) == 1
+    wait_until(lambda: bench.ear.starts >= 2)
+    assert "ended with -9" in bench.ear.losses[0]
 
 
 def test_of_what_it_complained_the_last_line_is_passed_on(bench: Bench) -> None:

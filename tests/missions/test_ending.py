@@ -82,7 +82,7 @@ def test_a_base_that_is_unplugged_is_waited_for_and_used_again(tmp_path: Path) -
     driving = Driving(tmp_path)
     try:
         driving.terminal.unplug()
-        wait_until(lambda: driving.speed == 0.0)
+        wait_until(lambda: driving.speed == 0.0, pause=0.01)  # away for a second, it would decide anew
         driving.terminal.replug()
         wait_until(lambda: driving.speed > 0.1)
         assert driving.process.end(signal.SIGTERM) == 130

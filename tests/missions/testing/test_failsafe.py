@@ -6,7 +6,7 @@ from random import Random
 import pytest
 
 from drivers.api import Sides
-from drivers.kobuki.driver import KobukiBase
+from drivers.kobuki.driver import DOZE, KobukiBase
 from drivers.kobuki.steered import settings_of
 from drivers.sim.timeline import Timeline
 from drivers.virtual.kobuki import VirtualKobuki
@@ -20,8 +20,9 @@ SOON, NEAR = 0.1, 0.03
 """Seconds and metres by which a wire, and a driver that looks at it 200 times a second, may differ from a twin."""
 
 
-ON_ITS_WAY = 0.045
-"""Seconds for which something must hold to count: a command takes two reports over a wire."""
+ON_ITS_WAY = 0.045 + DOZE
+"""Seconds for which something must hold to count: a command takes two reports over a wire, and one that stands is not
+looked at for a while."""
 
 
 class WireHand:
