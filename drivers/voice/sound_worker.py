@@ -68,6 +68,11 @@ class Queue:
         self._sounds: deque[Sound] = deque()
         self._over: Sound | None = None  # the device has the last of it, and not yet played that
 
+    def begin(self, rate: int) -> None:
+        """A device was opened: it has not been silent for long, also where the one before could not be stopped."""
+        with self._lock:
+            self.rate, self._silence = rate, 0
+
     def add(self, number: int, rate: int, samples: bytes, *, whole: bool) -> None:
         """Add samples to a sound, which may be new."""
         with self._lock:
@@ -214,7 +219,7 @@ class Player:
             self._pipe.tell(mute=f"no sound card that plays: {error.args[0]}")
             self._name = ""
             device = self._device_of(rate, [miniaudio.Backend.NULL])
-        self._queue.rate = rate
+        self._queue.begin(rate)
         device.start(self._queue.primed())
         return device
 

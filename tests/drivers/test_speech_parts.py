@@ -376,6 +376,20 @@ def test_a_device_is_stopped_that_has_long_been_silent_and_plays_again(monkeypat
         player.close()
 
 
+def test_a_device_that_does_not_stop_and_is_opened_anew_has_its_whole_silence_before_it_is_told_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sound_worker, "miniaudio", miniaudio, raising=False)
+    player = sound_worker.Player("", "null", 1.0, Told())
+    try:
+        with player._lock:
+            player._queue._silence = long = 10**12
+            player._open_anew(22_050)
+            assert player._queue._silence < long
+    finally:
+        player.close()
+
+
 def test_the_volume_makes_louder_and_softer_up_to_the_full_range() -> None:
     class Loud(sound_worker.Player):
         def __init__(self, volume: float) -> None:
