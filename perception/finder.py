@@ -133,7 +133,9 @@ class FaceFinder:
         for known in believed:
             if known.times > 2 and all(known is not other for other in self._known):
                 self._expect(known, image)
-        found = [Sighting(known.detection, known.found and known.trust > 0) for known in self._known]
+        found = [
+            Sighting(known.detection, known.found and known.trust > 0, believed=known.believed) for known in self._known
+        ]
         return sorted(found, key=lambda sighting: -sighting.detection.box.width)
 
     def spare(self, most: int) -> int:

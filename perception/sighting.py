@@ -11,12 +11,14 @@ from perception.tracks import common
 class Sighting:
     """Where a face is in one frame: ``found`` there by the detector, or else carried there by optical flow.
 
-    ``who`` is whose it truly is, which only simulated eyes know.
+    One that is not ``believed`` is a candidate: so far only the search that found it takes it for a face. ``who`` is
+    whose it truly is, which only simulated eyes know.
     """
 
     detection: Detection
     found: bool
     who: str = ""
+    believed: bool = True
 
     @property
     def box(self) -> Box:

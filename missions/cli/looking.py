@@ -84,7 +84,9 @@ class Looker:
             self._begin()
         self._film = None if still else path
         found: Sequence[Detection] = (
-            self._detector.detect(image) if still else [sighting.detection for sighting in self._finder.find(image)]
+            self._detector.detect(image)
+            if still
+            else [sighting.detection for sighting in self._finder.find(image) if sighting.believed]
         )
         faces = tuple(self._face(image, each.box, lens) for each in found)
         things: tuple[Thing, ...] = ()
