@@ -11,7 +11,7 @@ import numpy as np
 
 from perception.api import Box, Detection, Image
 from perception.cuts import Cut, around, whole
-from perception.light import Grey, check
+from perception.light import Grey, check, dark
 from perception.turns import Search
 
 CASCADE = "haarcascade_frontalface_default.xml"
@@ -64,6 +64,9 @@ class HaarFaces:
     turns = (Search(0.047), Search(0.0375, 0.07), Search(0.09, roll=ROLL), Search(0.09, roll=-ROLL))
     """Faces up to 3.3 m away, for an angle of view of 60 degrees; up to 4.2 m; leaning ones up to 1.7 m."""
 
+    quickly = Search(0.09)
+    """Upright ones up to 1.7 m: a third of the cost."""
+
     def __init__(self) -> None:
         self._witnesses: dict[str, cv2.CascadeClassifier] = {}
 
@@ -87,6 +90,10 @@ class HaarFaces:
         sizes = round(least), round(most)
         found = self._search(whole(image, scale, roll), step=step, neighbours=neighbours, sizes=sizes)
         return [detection for detection in found if self._confirmed(image, detection)]
+
+    def dear(self, image: Image | Grey) -> bool:
+        """Whether a picture is enlarged or brightened first, which takes two to five times as long."""
+        return max(image.shape) < MIN_SIDE or dark(image)
 
     def near(self, image: Image | Grey, box: Box, *, roll: float = 0.0) -> Detection | None:
         """Return the face that is about where and as large as ``box`` and leans by ``roll``, None when there is none.

@@ -1,11 +1,11 @@
 """Finding faces in frame after frame, for a small part of what a full search of each would cost.
 
-The whole picture is searched until there is a face: in one frame for all but small ones, in the next for those,
-then for heads that lean, as the detector says. From then on optical flow carries its
-box from frame to frame, and now and then a search of the region around it confirms that it still is one: the more
-seldom, the better both agree. Now and then the whole picture is searched again, for newcomers; where nobody is, every
-eighth frame, and less often while all stays as it was. What was found counts as a face as long as more searches that
-are independent of the first agreed than not.
+The whole picture is searched until there is a face: in one frame for all but small ones, in the next for those, then
+for heads that lean, as the detector says. From then on optical flow carries its box from frame to frame, and now and
+then a search of the region around it confirms that it still is one: the more seldom, the better both agree. Now and
+then the whole picture is searched again, for newcomers; where nobody is, every second frame for near ones at first,
+then every eighth, and less often while all stays as it was. What was found counts as a face as long as more searches
+that are independent of the first agreed than not.
 """
 
 from collections.abc import Iterable, Sequence
@@ -30,11 +30,14 @@ MISSING = 25
 NEWCOMERS = 40
 """Frames from one search of the whole picture to the next while a face is known, where the detector does not say."""
 
-SOON = 4
+SOON = 1
 """Frames to the first search for others after somebody was found, as they may have come together; then 4 times that."""
 
+TURNING = 2
+"""The same where one of each kind has found no face, for the first ``EMPTY`` frames: a head may be turned away."""
+
 EMPTY = 8
-"""Frames from one search to the next where one of each kind has found no face; see Still for what stays as it was."""
+"""The same after that, and twice that where searches are dear; see Still for what stays as it was."""
 
 ASIDE = 6
 """Searches in a row for which a face that looks to one side may be carried on."""
@@ -69,6 +72,13 @@ class Thorough(Protocol):
 
     turns: Sequence[Search]
     """What it searches a whole picture for, the most frequent first; the others take turns between."""
+
+    quickly: Search
+    """What it searches a whole picture for where there is little time."""
+
+    def dear(self, image: Image | Grey) -> bool:
+        """Whether to search such a picture costs far more than its size tells."""
+        ...
 
     def agrees(self, image: Image | Grey, box: Box, *, roll: float = 0.0) -> bool:
         """Whether searches that are independent of the first see a face at ``box`` too."""
@@ -111,6 +121,7 @@ class FaceFinder:
         self._lost = self._plan[0]  # the search that would find it
         self._patiently = SOON  # frames to the next search for newcomers
         self._vain = 0  # frames in a row without a face
+        self._dear = False  # whether the newest search was
         self._still = Still()
         self._places: list[tuple[float, float]] = []  # of known faces, as it was last asked what can be spared
 
@@ -126,7 +137,8 @@ class FaceFinder:
             self._expect(believed[0], image)
         self._since_whole += 1
         if self._since_whole >= (pause := self._pause()):
-            self._search_whole(image, unless_still=pause == EMPTY)
+            empty = pause > 1 and not any(known.trust > 0 for known in self._known)
+            self._search_whole(image, unless_still=empty)
         self._drop_doubles()
         self._vain = 0 if any(known.trust > 0 for known in self._known) else self._vain + 1
         self._missing -= 1
@@ -168,7 +180,7 @@ class FaceFinder:
         self._known.clear()
         self._before = None
         self._since_whole, self._turn, self._missing = 0, 0, 0
-        self._vain, self._patiently = 0, SOON
+        self._vain, self._patiently, self._dear = 0, SOON, False
         self._still = Still()
 
     def _pause(self) -> int:
@@ -176,13 +188,19 @@ class FaceFinder:
         lost = self._missing > 0
         if any(known.trust > 0 for known in self._known):
             return RETRY if lost else self._patiently
-        return 1 if lost or self._vain < len(self._plan) else EMPTY
+        if lost or self._vain < len(self._plan):
+            return 1
+        if self._dear:
+            return 2 * EMPTY
+        return TURNING if self._vain < EMPTY else EMPTY
 
     def _due(self, image: Image | Grey) -> Search:
         """Return what the whole picture is searched for next."""
         sure = [known for known in self._known if known.trust > 0]
         if self._missing > 0 and (sure or self._missing % 2):
             return self._lost
+        if self._thorough and not sure and len(self._plan) <= self._vain < EMPTY:
+            return self._thorough.quickly
         turn, self._turn = self._turn, self._turn + 1
         main, *others = self._plan
         if sure:  # who is with whom they know
@@ -249,6 +267,7 @@ class FaceFinder:
         self._since_whole = 0
         self._patiently = min(4 * self._patiently, self._newcomers)
         due = self._due(image)
+        self._dear = self._thorough is not None and self._thorough.dear(image)
         if unless_still and self._still.same(image, due):
             return
         side = max(image.shape)
@@ -256,7 +275,8 @@ class FaceFinder:
         for detection in found:
             known = max(self._known, key=lambda k: k.detection.box.overlap(detection.box), default=None)
             if known is not None and known.detection.box.overlap(detection.box) > SAME:
-                self._accept(known, detection, image)
+                if not known.found or known.trust <= 0:
+                    self._accept(known, detection, image)
             else:
                 newcomer = Known(detection)
                 self._ask(newcomer, image)

@@ -35,13 +35,23 @@ def grey(image: Image | Grey) -> Grey:
     return image if image.ndim == 2 else cast(Grey, cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
 
 
+def dark(picture: Image | Grey) -> bool:
+    """Say whether ``lightened`` brightens it."""
+    return _brightest(picture) < DARK
+
+
+def _brightest(picture: Image | Grey) -> float:
+    """Return the grey level of its brightest parts."""
+    return float(np.percentile(picture[:: max(1, picture.shape[0] // 32), :: max(1, picture.shape[1] // 32)], 98))
+
+
 def lightened(picture: Picture) -> Picture:
     """Return a dark picture as bright as others, smoothed a little, as its noise grows too; any other as it is.
 
     The brightness spreads before it is smoothed, so that the mean of some pixels is finer than a grey level: what is
     seen in 8 % of the light is five levels deep, and the noise two.
     """
-    brightest = float(np.percentile(picture[:: max(1, picture.shape[0] // 32), :: max(1, picture.shape[1] // 32)], 98))
+    brightest = _brightest(picture)
     if brightest >= DARK:
         return picture
     return cast(

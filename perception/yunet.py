@@ -58,6 +58,7 @@ class YuNetFaces:
 
     newcomers = 8
     turns = (ANY,)
+    quickly = ANY
 
     def __init__(self, model: Path) -> None:
         self._model = model
@@ -75,6 +76,10 @@ class YuNetFaces:
         scale = min(1.0, ENOUGH / max(SMALLEST * max(image.shape), smallest))
         found = self._search(image, scale, 0, 0)
         return [detection for detection in found if smallest <= detection.box.width <= largest]
+
+    def dear(self, _: Image | Grey) -> bool:
+        """Return False: it takes as long for every picture, however dark, and enlarges none."""
+        return False
 
     def near(self, image: Image | Grey, box: Box, *, roll: float = 0.0) -> Detection | None:
         """Return the face about where and as large as ``box``, None when there is none; raises as ``detect``."""
