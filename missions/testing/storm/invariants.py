@@ -112,8 +112,8 @@ def helpless(seen: Witness) -> Iterator[str]:
         others = [each for each in seen.struck if each.part == fault.part and each.state in HELD[fault.part]]
         if fault.state not in ("paused", "unplugged"):
             others = [each for each in others if each.state == fault.state and each.start >= fault.start]
-        # A base without its cable is stopped by its firmware, and its wheels obey that as late as all else.
-        lag = seen.lag if fault.part == "base" else 0.0
+        # A base without its cable, or without ticks, stops by itself, and its wheels obey that as late as all else.
+        lag = seen.lag if fault.part == "base" or fault.state == "stalled" else 0.0
         ends = [each.start + each.seconds for each in others]
         # The tick loop obeys a pause, once it comes to it.
         late = [end for start, end in held_up(seen) if start <= fault.start <= end and fault.state == "paused"]

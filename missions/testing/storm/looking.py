@@ -43,8 +43,9 @@ def recently(times: list[float] | None, now: float, seconds: float) -> bool:
 
 def by_itself(seen: Witness, part: str, now: float) -> bool:
     """Whether something may turn though nobody commands it: it has just come back, or a hand was at it."""
-    hands = [each.start for each in seen.struck if each.part == part and each.state in ("turned", "overloaded")]
     carrier = "arm" if part == "head" and neck_joints(seen) else part
+    at = part, carrier
+    hands = [each.start for each in seen.struck if each.part in at and each.state in ("turned", "overloaded")]
     came = [*seen.back.get(part, []), *seen.back.get(carrier, [])]
     return recently(sorted(hands), now, HAND) or (seen.kind(part) != "arm" and recently(sorted(came), now, RETURN))
 
