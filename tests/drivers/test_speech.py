@@ -138,6 +138,7 @@ def test_any_text_comes_to_its_end(room: Room, text: str) -> None:
     assert (room.notices, room.printed) == ([], [])
 
 
+@pytest.mark.real_time
 def test_halted_the_player_falls_silent_by_itself(room: Room) -> None:
     for _ in range(3):
         words = room.voice.say(LONG)
