@@ -62,11 +62,15 @@ A = TypeVar("A", bound=Axis)
 
 @dataclass(frozen=True, slots=True)
 class Step(Generic[A]):
-    """Where an axis is to be now, ``angle``, and where it is ``heading``, in radians of the head."""
+    """Where an axis is to be now, ``angle``, and where it is ``heading``, in radians of the head.
+
+    ``braked`` is which way it went (1 or -1) when it was told to brake, and 0 once it has a goal.
+    """
 
     axis: A
     angle: float
     heading: float
+    braked: float
 
 
 class PanTilt(Generic[A]):
@@ -183,7 +187,10 @@ class PanTilt(Generic[A]):
         """Move on until time ``now``; return where pan and tilt are to be."""
         with self._lock:
             (pan_axis, tilt_axis), (pan, tilt) = self._axes, self._profiles
-            return Step(pan_axis, pan.advance(now), pan.heading), Step(tilt_axis, tilt.advance(now), tilt.heading)
+            return (
+                Step(pan_axis, pan.advance(now), pan.heading, pan.braked),
+                Step(tilt_axis, tilt.advance(now), tilt.heading, tilt.braked),
+            )
 
     def trim(self, *, pan: float | None = None, tilt: float | None = None, now: float) -> tuple[float, float]:
         """Set what is given (radians); return both trims. The head goes over to them as smoothly as to a new goal.

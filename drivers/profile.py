@@ -15,7 +15,8 @@ class Profile:
 
     That is the trapezoidal profile: speed up, go on, brake. Its phases are worked out exactly for whatever time has
     passed, so it does not matter how often it is asked; a new goal is taken up in full motion, without a jerk of the
-    angle. ``position`` in radians, ``velocity`` in rad/s; it starts at rest.
+    angle. ``position`` in radians, ``velocity`` in rad/s; it starts at rest. ``braked`` is which way it went (1 or -1)
+    when it was told to brake, and 0 once it has a goal.
     """
 
     position: float
@@ -24,6 +25,7 @@ class Profile:
     velocity: float = 0.0
     goal: float = field(init=False)
     stamp: float = 0.0
+    braked: float = 0.0
 
     def __post_init__(self) -> None:
         self.goal = self.position
@@ -31,12 +33,13 @@ class Profile:
     def aim(self, goal: float, now: float) -> None:
         """Start for ``goal`` at time ``now``, from where it has got to."""
         self.advance(now)
-        self.goal = goal
+        self.goal, self.braked = goal, 0.0
 
     def brake(self, now: float) -> None:
         """Come to rest as soon as the acceleration allows, from time ``now`` on."""
         self.advance(now)
-        self.goal = self._standstill()
+        way = self.velocity or self.goal - self.position
+        self.goal, self.braked = self._standstill(), copysign(1.0, way) if way else self.braked
 
     def advance(self, now: float) -> float:
         """Move on until time ``now`` and return the position. Time that does not rise changes nothing."""
@@ -65,7 +68,7 @@ class Profile:
 
     def place(self, position: float, now: float) -> None:
         """Go on from ``position`` (radians), where it turned out to stand at time ``now``; the goal stays."""
-        self.position, self.velocity, self.stamp = position, 0.0, now
+        self.position, self.velocity, self.stamp, self.braked = position, 0.0, now, 0.0
 
     def shift(self, angle: float) -> None:
         """Call the present position by another number, ``angle`` (radians) greater; the goal's number stays."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Self
 
 from drivers.api.quick import dataclass
-from drivers.pantilt import LARGEST_TRIM
+from drivers.pantilt import LARGEST_TRIM, Step
 
 MIDDLE = 90
 """Degrees that the sketch takes for straight ahead."""
@@ -108,3 +108,17 @@ class ServoAxis:
     def to_radians(self, degrees: float) -> float:
         """Return the angle in radians at which the servo stands when ``degrees`` was sent."""
         return self.sign * (math.radians(degrees - MIDDLE) - self.trim)
+
+
+def next_degrees(steps: tuple[Step[ServoAxis], Step[ServoAxis]], sent: tuple[int, ...] | None) -> tuple[int, int]:
+    """Return what to send two servos now, of which these degrees were ``sent`` last; empty or None where none were.
+
+    The degree sent last may lie ahead of where the head had got to when it was told to brake: it does not turn back.
+    """
+    pan, tilt = (step.axis.next_degree(step.angle, step.heading) for step in steps)
+    if sent:
+        pan, tilt = (
+            old if (new - old) * step.braked * step.axis.sign < 0 else new
+            for step, new, old in zip(steps, (pan, tilt), sent, strict=True)
+        )
+    return pan, tilt

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from drivers.api import HEAD_ACCELERATION, HeadPose, Health, Quality, Reading, ignore
-from drivers.arduino.axis import TRAILING, ServoAxis
+from drivers.arduino.axis import TRAILING, ServoAxis, next_degrees
 from drivers.arduino.board import Board
 from drivers.arduino.wire import ServoAngle
 from drivers.clock import Clock
@@ -130,8 +130,8 @@ class ArduinoHead(LedHead[ServoAxis]):
     def due(self, now: float) -> list[ServoAngle]:
         """Move on; return each axis whose whole degree has changed."""
         self._settled = self._way.still  # the last degree is sent now, and no other unless somebody wants one
-        pan, tilt = self._way.advance(now)
-        degrees = tuple(step.axis.next_degree(step.angle, step.heading) for step in (pan, tilt))
+        pan, tilt = way = self._way.advance(now)
+        degrees = next_degrees(way, self._sent)
         pose = HeadPose(pan.axis.to_radians(degrees[0]), tilt.axis.to_radians(degrees[1]))
         steps = zip((pan.axis, tilt.axis), degrees, self._sent, strict=True)
         angles = [ServoAngle(axis.index, new) for axis, new, old in steps if new != old]

@@ -19,7 +19,7 @@ from drivers.api import (
     Report,
     ignore,
 )
-from drivers.arduino.axis import TRAILING, ServoAxis
+from drivers.arduino.axis import TRAILING, ServoAxis, next_degrees
 from drivers.arduino.memory import Memory
 from drivers.clock import Clock
 from drivers.errors import NotConnected
@@ -238,7 +238,7 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
                 return
             self._settled = self._way.still
             steps = self._way.advance(now)
-            first, second = (step.axis.next_degree(step.angle, step.heading) for step in steps)
+            first, second = next_degrees(steps, sent)
             if (first, second) != sent or self._settled:
                 self._asked_at = now
                 self._link.write(wire.go(boot, first, second) + wire.ASK)

@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Iterator
+from itertools import pairwise
 from math import inf, nan, radians
 from typing import Protocol
 
@@ -413,6 +414,22 @@ def test_stopped_it_brakes_and_holds(head: HeadRig) -> None:
     assert held.pan > radians(-65)
     head.wait(0.15)
     assert head.looks(held)
+
+
+@pytest.mark.parametrize("way", [-40, 40])
+@pytest.mark.parametrize("after", [0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3])
+def test_stopped_at_any_moment_of_its_way_it_turns_no_way_back(head: HeadRig, way: float, after: float) -> None:
+    head.wait(0.5)
+    head.device.look(HeadPose(START.pan + radians(way), START.tilt))
+    head.wait(after)
+    head.device.stop()
+    past = [head.pose().pan]
+    for moment in range(20):
+        if moment == 10:
+            head.device.stop()
+        head.wait(0.02)
+        past.append(head.pose().pan)
+    assert all((now - before) * way >= 0 for before, now in pairwise(past))
 
 
 def test_trimmed_while_it_runs_it_looks_where_it_was_told_by_the_new_measure(head: HeadRig) -> None:

@@ -616,6 +616,23 @@ def test_a_servo_that_was_exchanged_meanwhile_is_told_of_and_goes_on_slowly_from
     arm.until(lambda: arm.state("elbow").velocity < -2 * RUN_IN)
 
 
+@pytest.mark.parametrize("after", [0.3, 0.31, 0.33])
+def test_a_joint_that_ended_its_leg_while_it_was_unplugged_does_not_stir_when_it_is_held(
+    arm: JointsRig, after: float
+) -> None:
+    arm.device.move({"elbow": 1.4}, speeds={"elbow": 2.0})
+    arm.wait(after)
+    arm.unplug()
+    arm.until(lambda: arm.told("offline"))
+    arm.wait(0.5)
+    stood = arm.truth("elbow")
+    arm.device.hold()
+    arm.plug_in()
+    arm.until(lambda: arm.told("online") and arm.device.states()["elbow"].good)
+    arm.wait(0.3)
+    assert arm.truth("elbow") == pytest.approx(stood, abs=1e-9)
+
+
 def test_a_joint_that_ended_its_leg_or_was_limp_while_it_was_unplugged_is_where_it_should_be(arm: JointsRig) -> None:
     arm.device.move({"elbow": 1.4}, speeds={"elbow": 2.0})
     arm.until(lambda: arm.state("elbow").position > 0.2)

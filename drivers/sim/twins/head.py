@@ -15,7 +15,7 @@ from drivers.api import (
     Report,
     ignore,
 )
-from drivers.arduino.axis import TRAILING, ServoAxis
+from drivers.arduino.axis import TRAILING, ServoAxis, next_degrees
 from drivers.clock import Clock
 from drivers.led import LedHead
 from drivers.pantilt import AHEAD, PanTilt
@@ -113,8 +113,8 @@ class HeadTwin(LedHead[ServoAxis], Enabling):
             self._history.add(now, (self._pose.pan, self._pose.tilt))
             return
         self._settled = still
-        pan, tilt = self._way.advance(now)
-        sent = pan.axis.next_degree(pan.angle, pan.heading), tilt.axis.next_degree(tilt.angle, tilt.heading)
+        pan, tilt = way = self._way.advance(now)
+        sent = next_degrees(way, self._sent)
         pose = HeadPose(pan.axis.to_radians(sent[0]), tilt.axis.to_radians(sent[1]))
         turned = self._sent is None or pose != self._pose
         self._pose = pose

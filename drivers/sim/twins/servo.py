@@ -49,8 +49,9 @@ class ServoTwin:
     def strand(self, now: float) -> None:
         """Go no farther than a real one is sent at a time: from ``now`` on it is not told any more."""
         here, far = self._shaft.advance(now), reach(self.joint, self.joint.speed)
-        self._shaft.goal = min(max(self._shaft.goal, here - far), here + far)
-        self.joint.sent = self.joint.ticks(self._shaft.goal)
+        goal = min(max(self._shaft.goal, here - far), here + far)
+        self.joint.sent = self.joint.ticks(goal)
+        self._shaft.goal = self.joint.angle(self.joint.sent) if self.joint.torque else goal
 
     def relax(self, now: float) -> None:
         """Be limp."""

@@ -2,7 +2,7 @@
 
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping
-from math import inf
+from math import inf, radians
 from typing import Any
 
 from missions.executive.events import FaultRaised
@@ -10,6 +10,9 @@ from missions.testing.storm.witness import Truth, Witness
 
 STILL = 0.002
 """Radians, metres or either a second, below which nothing moves."""
+
+HALF_STEP = radians(0.15)
+"""Radians by which the last step of a servo may lie within its limit: half of the coarsest."""
 
 RETURN = 2.5
 """Seconds that a head has, once it is there, to go where its board or its driver sends it by itself."""
@@ -54,7 +57,7 @@ def back_within(seen: Witness, before: Truth, part: str, axis: str, turned: floa
     """Whether an axis that a hand has turned beyond its limits comes back: no servo holds what is beyond them."""
     low, high, _ = reach(seen.twins.parts[part].limits, axis)
     angle = before.angles[part, axis]
-    return (angle < low and turned > 0) or (angle > high and turned < 0)
+    return (angle < low + HALF_STEP and turned > 0) or (angle > high - HALF_STEP and turned < 0)
 
 
 def returns(seen: Witness, part: str, seconds: float) -> Iterator[float]:

@@ -65,8 +65,9 @@ def schedule(outcome: Outcome) -> str:
         [
             f"seed {weather.seed}: {robot}; {world}; eyes: {weather.eyes}; {weather.seconds:g} s at most",
             *(f"  {line}" for line in weather.mission.splitlines()),
-            "what goes wrong" if weather.faults else "nothing goes wrong",
+            "what goes wrong" if weather.faults or weather.stop_at else "nothing goes wrong",
             *(f"  {words}" for words in weather.faults),
+            *([f"  run stopped in command {weather.stop_at} for {weather.stop_for:g} s"] if weather.stop_at else []),
             f"it ends after {outcome.seconds:.2f} s: {outcome.result}"
             + (f", {outcome.reason}" if outcome.reason else ""),
             *(f"  breaks {name}: {what}" for name, what in outcome.broken.items()),

@@ -81,6 +81,8 @@ class Witness:
         if self.record is not None:
             self.record(event)
         if isinstance(event, CommandSent) and self.runner.root.run.working is not None:
+            if (leaf := self.leaf(event)) is not None:
+                self._claims(leaf, event.t)  # of one that begins in this tick, which hangs, nobody is told yet
             self.at_command()  # not where a device tells of itself: its own thread goes on while a tick hangs
         if isinstance(event, NodeChanged) and event.status != "idle" and event.node in self.leaves:
             leaf = self.leaves[event.node]

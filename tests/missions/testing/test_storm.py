@@ -164,6 +164,17 @@ def test_a_promise_is_held_and_is_seen_to_be_broken_where_the_code_has_a_fault(
     assert promise in play(shows).broken
 
 
+def test_a_head_that_is_stopped_in_the_tick_in_which_it_begins_turns_for_who_told_it_so_and_turns_no_way_back() -> None:
+    turns = TURNS.replace('"sequence"', '"repeat": "forever", "sequence"').replace("3 s", "2.11 s")
+    assert play(replace(slow(turns), rate=10, seconds=6.0, stop_at=3, stop_for=3.0, hangs=2.0)).broken == {}
+
+
+def test_a_joint_beyond_its_limits_comes_back_to_the_first_step_of_its_servo_within_them() -> None:
+    hot = 'mission: hot\ntree: {"joint_hot": {}, "retry": "forever"}\n'
+    turned = weather("arm turned right_ankle_roll to -50 deg at 0.5 s", mission=hot)
+    assert play(replace(turned, robot="humanoid", limbs=0.2, seconds=2.0)).broken == {}
+
+
 def test_what_was_left_moving_goes_on_where_another_is_refused_what_it_asks_for() -> None:
     left, refused = (
         {"way": way, "goal": goal, "after": 3} for way, goal in (("leaves", "fast"), ("never stops", "nan"))
