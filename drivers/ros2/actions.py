@@ -11,6 +11,11 @@ FEEDBACK, STATUS = "_action/feedback", "_action/status"
 SEND, RESULT, CANCEL = "_action/send_goal", "_action/get_result", "_action/cancel_goal"
 """The five end points of an action, after its name."""
 
+CANCEL_KIND = "action_msgs/srv/CancelGoal"
+
+NOT_KNOWN, TERMINATED = 2, 3
+"""Why no goal is cancelled, as action_msgs numbers it."""
+
 EXECUTING, CANCELLING, SUCCEEDED, CANCELLED, ABORTED = 2, 3, 4, 5, 6
 """The states of a goal, as action_msgs numbers them."""
 
@@ -61,7 +66,7 @@ class ActionServer:
         self._status = node.publisher(f"{name}/{STATUS}", "action_msgs/msg/GoalStatusArray")
         node.serve(f"{name}/{SEND}", f"{kind}_SendGoal", self._sent)
         node.serve(f"{name}/{RESULT}", f"{kind}_GetResult", self._asked)
-        node.serve(f"{name}/{CANCEL}", "action_msgs/srv/CancelGoal", self._cancelled)
+        node.serve(f"{name}/{CANCEL}", CANCEL_KIND, self._cancelled)
 
     def feed_back(self, goal: Goal, feedback: Mapping[str, object]) -> None:
         """Send feedback of a goal."""
@@ -111,16 +116,17 @@ class ActionServer:
 
     def _cancelled(self, payload: bytes, answer: Answer) -> None:
         try:
-            wanted = types().decode("action_msgs/srv/CancelGoal_Request", payload).goal_info.goal_id.uuid.tolist()
+            wanted = types().decode(f"{CANCEL_KIND}_Request", payload).goal_info.goal_id.uuid.tolist()
         except Malformed:
             return
         with self._lock:
-            meant = [goal for goal in self._going() if wanted in (goal.uuid, [0] * 16)]
+            known = [goal for goal in self._goals if wanted in (goal.uuid, [0] * 16)]
+            meant = [goal for goal in known if not goal.over]
             for goal in meant:
                 goal.status = CANCELLING
         told = [{"goal_id": {"uuid": goal.uuid}} for goal in meant]
-        values = {"return_code": 0 if meant else 1, "goals_canceling": told}
-        answer(types().encode("action_msgs/srv/CancelGoal_Response", values))
+        values = {"return_code": 0 if meant else TERMINATED if known else NOT_KNOWN, "goals_canceling": told}
+        answer(types().encode(f"{CANCEL_KIND}_Response", values))
         for goal in meant:
             self._cancel(goal)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from math import atan2, cos, inf, isfinite, sin, tau
+from math import atan2, cos, inf, isfinite, remainder, sin, tau
 from typing import Any, Unpack
 
 from drivers.api import STILL, BaseState, Lamp, Pose2D, Sides, Tune, Velocity
@@ -41,8 +41,14 @@ UNFELT = 1.0
 JUMP = 0.3
 """Metres beyond what it can have driven that its odometry jumps by when somebody has set it."""
 
+TURNED = 0.5
+"""Radians beyond what it can have turned, likewise."""
+
 FAR = 1e6
 """Metres, and metres and radians a second, that no odometry of a robot reaches."""
+
+MOST_SHARE = 2.0
+"""Charge from which on a battery tells it in percent, and not as a share, which may be a little over 1."""
 
 CHARGING = 1
 """The status of a battery that charges, as sensor_msgs numbers it."""
@@ -71,14 +77,14 @@ class Ros2Base(PlainBase):
         self._channels, self._words = channels, list(words)
         self._halted, self._anchored = halted, anchored
         self._finder = wire.FrameFinder()
-        self._kinds: dict[str, str] = {}
+        self._kinds: dict[str, tuple[str, ...]] = {}
         self._origin: tuple[Pose2D, Pose2D] | None = None  # a pose as it was told, and what that is for us
         self._raw: tuple[Pose2D, float] | None = None
         self._contacts = (Sides(), Sides(), Sides())
         self._brief = (Sides(), Sides(), Sides())  # felt since the last odometry
         self._felt_at = -inf
         self._battery = (0.0, 100.0, False)
-        self._docked = False
+        self._docked = self._of_hundred = False
         self._lamps = {1: Lamp.OFF, 2: Lamp.OFF}
 
     def connected(self) -> None:
@@ -94,11 +100,11 @@ class Ros2Base(PlainBase):
         for channel, payload in self._finder.feed(data):
             try:
                 if channel == wire.ABOUT:
-                    number, kind = wire.told(payload)
+                    number, kinds = wire.told(payload)
                     word = self._words[number]
-                    if kind not in {"", *KINDS[word]}:
-                        raise ValueError(kind)
-                    self._kinds[word] = kind
+                    if not {*kinds} <= {*KINDS[word]}:
+                        raise ValueError(kinds)
+                    self._kinds[word] = kinds
                 else:
                     self._hear(self._words[channel], payload, now)
             except (Malformed, ValueError, LookupError, ArithmeticError):
@@ -138,13 +144,12 @@ class Ros2Base(PlainBase):
 
     def _send(self, velocity: Velocity) -> None:
         self._sent_at = self._clock.now()
-        kind = self._kinds.get("cmd_vel", "")
         twist = {"linear": {"x": velocity.linear}, "angular": {"z": velocity.angular}}
-        if kind == TWISTS[0]:
-            self._link.write(wire.frame(0, types().encode(kind, twist)))
-        elif kind:
-            # Its time is left 0, which controllers take for now: two clocks may differ by more than they bear.
-            self._link.write(wire.frame(0, types().encode(kind, {"header": {"frame_id": "base_link"}, "twist": twist})))
+        # Its time is left 0, which controllers take for now: two clocks may differ by more than they bear.
+        stamped: dict[str, object] = {"header": {"frame_id": "base_link"}, "twist": twist}
+        for kind in self._kinds.get("cmd_vel", ()):  # all that listen: which of them drives the robot is not known
+            place = self._channels[0].kinds.index(kind)
+            self._link.write(wire.frame(0, types().encode(kind, twist if kind == TWISTS[0] else stamped), place))
 
     def _go(self, left: float, right: float) -> None:
         raise AssertionError((left, right))  # it is told velocities, by _send
@@ -158,6 +163,9 @@ class Ros2Base(PlainBase):
             if self._has(word) and not self._kinds.get(word):
                 error = absent(self.name, self._channels[self._words.index(word)])
                 return str(error), error.hint
+        if self._twofold:
+            what = f"{self.name}: two nodes send {self._channels[1].topic}: where it is, nobody knows"
+            return what, "`mission ros2 graph` shows them; two robots need a namespace each"
         if super()._hears(now):
             return f"{self.name}: nothing of its bumpers comes", "is its node still running? `mission ros2 graph`"
         return f"{self.name}: {self._channels[1].topic}: no odometry comes", "is the robot on, and the network there?"
@@ -175,7 +183,7 @@ class Ros2Base(PlainBase):
     def _hear(self, word: str, payload: bytes, now: float) -> None:
         told = types().decode(KINDS[word][0], payload)
         match word:
-            case "odom":
+            case "odom" if not self._twofold:
                 self._odometry(told, now)
             case "hazards":
                 self._feel(create3.felt(told.detections), now)
@@ -185,7 +193,20 @@ class Ros2Base(PlainBase):
             case "dock":
                 self._docked = bool(told.is_docked)
             case "battery":
-                self._battery = _battery(told)
+                self._battery = self._gauge(told)
+
+    @property
+    def _twofold(self) -> bool:
+        """Whether several nodes tell its odometry, such as two robots of one name: none of it is believed."""
+        return len(self._kinds.get("odom", ())) > 1
+
+    def _gauge(self, told: Any) -> tuple[float, float, bool]:
+        """Return volts, percent, and whether it charges; what is not measured as a base without a gauge tells it."""
+        share, volts = float(told.percentage), float(told.voltage)
+        self._of_hundred = self._of_hundred or MOST_SHARE < share < inf
+        measured = isfinite(share) and (share > 0 or (share == 0 and told.present))
+        percent = min(share if self._of_hundred else 100 * share, 100.0) if measured else 100.0
+        return volts if isfinite(volts) else 0.0, percent, told.power_supply_status == CHARGING
 
     def _feel(self, contacts: tuple[Sides, Sides, Sides], now: float) -> None:
         self._contacts, self._felt_at = contacts, now
@@ -196,9 +217,8 @@ class Ros2Base(PlainBase):
         figures = (at.x, at.y, turned.x, turned.y, turned.z, turned.w, moves.linear.x, moves.angular.z)
         if not all(abs(figure) < FAR for figure in figures):  # nor is one that is no number
             raise ValueError("odometry of no robot")
-        yaw = atan2(2 * (turned.w * turned.z + turned.x * turned.y), 1 - 2 * (turned.y**2 + turned.z**2))
-        raw = Pose2D(at.x, at.y, yaw)
-        pose = self._placed(raw, now, told.header.frame_id)
+        raw = Pose2D(at.x, at.y, yaw(turned))
+        pose = self._placed(raw, now, told.header.frame_id.lstrip("/"))  # a slash that tf refuses
         (bumper, cliff, drop), self._brief = self._brief, self._contacts
         volts, percent, charging = self._battery
         velocity = Velocity(moves.linear.x, moves.angular.z)
@@ -216,8 +236,10 @@ class Ros2Base(PlainBase):
         here = Pose2D(0.0, 0.0, 0.0) if before is None else before.pose
         if self._raw is not None:
             was, at = self._raw
-            reach = JUMP + 2 * self.limits.speed * max(now - at, 0.0)
-            if (raw.x - was.x) ** 2 + (raw.y - was.y) ** 2 > reach**2:
+            past = max(now - at, 0.0)
+            reach, turned = JUMP + 2 * self.limits.speed * past, TURNED + 2 * self.limits.turn * past
+            off = abs(remainder(raw.heading - was.heading, tau))
+            if (raw.x - was.x) ** 2 + (raw.y - was.y) ** 2 > reach**2 or off > turned:
                 self._origin = None
         if self._origin is None:
             self._origin = raw, here
@@ -255,9 +277,9 @@ def _undone(raw: Pose2D, here: Pose2D) -> Pose2D:
     return Pose2D(x, raw.y - (here.x * sin(turn) + here.y * cos(turn)), turn)
 
 
-def _battery(told: Any) -> tuple[float, float, bool]:
-    """Return volts, percent, and whether it charges; what is not measured as a base without a gauge tells it."""
-    share = float(told.percentage)
-    percent = 100.0 if not isfinite(share) else share if share > 1.01 else 100 * share
-    volts = float(told.voltage)
-    return (volts if isfinite(volts) else 0.0), min(max(percent, 0.0), 100.0), told.power_supply_status == CHARGING
+def yaw(turned: Any) -> float:
+    """Return the heading of an orientation, whatever its length. Raises ValueError for one that was never set."""
+    x, y, z, w = turned.x, turned.y, turned.z, turned.w
+    if not x * x + y * y + z * z + w * w > 1e-6:
+        raise ValueError("an orientation of length 0")
+    return atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)

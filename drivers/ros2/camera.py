@@ -31,9 +31,18 @@ _CHANNELS = {
     "8uc1": (1, cv2.COLOR_GRAY2BGR),
     "yuv422_yuy2": (2, cv2.COLOR_YUV2BGR_YUY2),
     "yuyv": (2, cv2.COLOR_YUV2BGR_YUY2),
-    "bayer_rggb8": (1, cv2.COLOR_BayerBG2BGR),
+    "yuv422": (2, cv2.COLOR_YUV2BGR_UYVY),
+    "uyvy": (2, cv2.COLOR_YUV2BGR_UYVY),
+    "nv21": (1, cv2.COLOR_YUV2BGR_NV21),
+    "bayer_rggb8": (1, cv2.COLOR_BayerBG2BGR),  # which OpenCV calls by its second row
+    "bayer_bggr8": (1, cv2.COLOR_BayerRG2BGR),
+    "bayer_gbrg8": (1, cv2.COLOR_BayerGR2BGR),
+    "bayer_grbg8": (1, cv2.COLOR_BayerGB2BGR),
 }
-"""The encodings that are understood: bytes of a pixel, and what OpenCV is to make of them."""
+"""The encodings that are understood: bytes of a pixel, and what OpenCV is to make of them.
+
+Those of 16 bits are understood by the upper 8.
+"""
 
 
 class TopicFeed:
@@ -44,7 +53,7 @@ class TopicFeed:
         self._channel = Channel(topic, IMAGES, depth=1)
         self._port: TopicPort | None = None
         self._finder = wire.FrameFinder()
-        self._kind = ""
+        self._kind = self._wrong = ""
         self.malformed = 0
 
     @property
@@ -54,8 +63,9 @@ class TopicFeed:
 
     @property
     def hint(self) -> str:
-        """What to try when no picture comes."""
-        return f"`mission ros2 echo {self._channel.topic}` shows what comes"
+        """What to try when no picture comes; why what has come is none."""
+        wrong = f"{self._wrong}; " if self._wrong else ""
+        return f"{wrong}`mission ros2 echo {self._channel.topic}` shows what comes"
 
     def start(self) -> float | None:
         """Listen to the topic. Raises NotConnected while nobody sends it."""
@@ -79,8 +89,8 @@ class TopicFeed:
                     return UNWANTED
                 try:
                     return picture(self._kind, payload)
-                except (Malformed, ValueError):
-                    self.malformed += 1
+                except (Malformed, ValueError) as error:
+                    self.malformed, self._wrong = self.malformed + 1, str(error)
         return None
 
     def stop(self) -> None:
@@ -102,7 +112,7 @@ class TopicFeed:
     def _note(self, channel: int, payload: bytes) -> bool:
         """Take note of who sends; say whether that was what has come."""
         if channel == wire.ABOUT:
-            self._kind = wire.told(payload)[1] or self._kind
+            self._kind = next(iter(wire.told(payload)[1]), self._kind)
         return channel == wire.ABOUT
 
 
@@ -118,17 +128,21 @@ def picture(kind: str, payload: bytes) -> Image:
 
 
 def _raw(told: Any) -> Image:
-    encoding = str(told.encoding).lower()
+    encoding, of = str(told.encoding).lower(), 1
+    if encoding.endswith("16"):
+        encoding, of = f"{encoding[:-2]}8", 2
     if encoding not in _CHANNELS:
-        raise ValueError(f"the encoding {told.encoding} is not understood")
+        raise ValueError(f"the encoding {told.encoding!r:.40} is not understood")
     size, made = _CHANNELS[encoding]
     width, height, step = int(told.width), int(told.height), int(told.step)
-    if not (width and height and width * height <= MOST_PIXELS and step >= size * width):
+    if not (width and height and width * height <= MOST_PIXELS and step >= of * size * width):
         raise ValueError(f"{width} x {height} pixels in rows of {step} bytes are no picture")
-    if len(told.data) < step * height:
+    lines = height * 3 // 2 if encoding == "nv21" else height
+    if len(told.data) < step * lines:
         raise ValueError(f"{len(told.data)} bytes are too few")
-    rows = told.data[: step * height].reshape(height, step)[:, : size * width]
-    image = np.ascontiguousarray(rows).reshape(height, width, size)
+    upper = 1 if of == 2 and not told.is_bigendian else 0
+    rows = told.data[: step * lines].reshape(lines, step)[:, upper : of * size * width : of]
+    image = np.ascontiguousarray(rows).reshape(lines, width, size)
     try:
         converted = image if made is None else cv2.cvtColor(image, made)
     except cv2.error as error:

@@ -28,7 +28,7 @@ def felt(hazards: Iterable[Any]) -> tuple[Sides, Sides, Sides]:
     found: dict[int, set[str]] = {BUMP: set(), CLIFF: set(), WHEEL_DROP: set()}
     for each in hazards:
         if each.type in found:
-            frame = each.header.frame_id
+            frame = each.header.frame_id.rpartition("/")[2]  # before that is the name of the robot
             centre = "center" in frame or ("left" not in frame and "right" not in frame)
             found[each.type].add("centre" if centre else "left" if "left" in frame else "right")
     bumper, cliff, drop = (Sides("left" in it, "centre" in it, "right" in it) for it in found.values())

@@ -180,10 +180,10 @@ class TopicJoints(Enabling):
         for channel, payload in self._finder.feed(data):
             try:
                 if channel == wire.ABOUT:
-                    number, kind = wire.told(payload)
-                    if kind not in {"", *self._channels[number].kinds}:
-                        raise ValueError(kind)
-                    self._kinds[number] = kind
+                    number, kinds = wire.told(payload)
+                    if not {*kinds} <= {*self._channels[number].kinds}:
+                        raise ValueError(kinds)
+                    self._kinds[number] = next(iter(kinds), "")
                 elif channel == 0 and self._felt.take(types().decode(STATE, payload), self._clock.now()):
                     self._counters["reports"] += 1
             except (Malformed, ValueError, LookupError):
@@ -285,7 +285,9 @@ class TopicJoints(Enabling):
             if name not in self._ways:
                 self._ways[name] = self._still(name, now)
         self._sent_at = now
-        self._link.write(frames(self._kinds.get(1, ""), self._joints, self._ways, now))
+        kind, kinds = self._kinds.get(1, ""), self._channels[1].kinds
+        place = kinds.index(kind) if kind in kinds else 0
+        self._link.write(frames(kind, self._joints, self._ways, now, place))
         self._settled = all(way.left(now) == 0.0 for way in self._ways.values())
 
     def _miss(self, names: Collection[str]) -> None:

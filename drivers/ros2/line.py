@@ -14,6 +14,7 @@ from drivers.link import Link, Port
 from drivers.loop import MakeLoop, ThreadLoop
 from drivers.ros2 import wire
 from drivers.ros2.node import Node, Publisher
+from drivers.ros2.sieve import Sieve
 from drivers.ros2.types import types
 
 RETRY = 0.1
@@ -58,15 +59,16 @@ class TopicPort:
         self._changed = Condition()
         self._waiting = [deque[bytes](maxlen=each.depth) for each in channels]
         self._said: deque[bytes] = deque()
-        self._senders: dict[int, Publisher] = {}
-        self._there: dict[int, str] = {}
+        self._senders: dict[int, list[Publisher]] = {}  # by channel and type, as frames have them
+        self._there: dict[int, tuple[str, ...]] = {}
+        self._sieves: dict[int, list[Sieve]] = {}
         self._version = -1
         self._finder = wire.FrameFinder()
         self.malformed = 0
         for number, each in enumerate(channels):
             types().warm(*each.kinds)
             if not each.sends:
-                node.subscribe(each.topic, each.kinds, self._hear(number), self._miss, self)
+                self._sieves[number] = node.subscribe(each.topic, each.kinds, self._hear(number), self._miss, self)
 
     def arrived(self, patience: float) -> bytes:
         """Return the frames that have come; wait up to ``patience`` seconds for the first. Raises OSError if lost."""
@@ -91,7 +93,7 @@ class TopicPort:
             if channel == wire.ABOUT:
                 self._version = -1
                 self._there.clear()
-            elif (sender := self._senders.get(channel)) is not None:
+            for sender in self._senders.get(channel, ()):
                 sender.send(payload)
 
     def set_dtr(self, *, on: bool) -> None:
@@ -104,9 +106,8 @@ class TopicPort:
     def _hear(self, number: int) -> Callable[[str, bytes], None]:
         def heard(kind: str, payload: bytes) -> None:
             with self._changed:
-                if self._there.get(number) != kind:
-                    self._there[number] = kind
-                    self._said.append(wire.about(number, kind))
+                if kind not in self._there.get(number, ()):
+                    self._say(number, (kind,))
                 self._waiting[number].append(wire.frame(number, payload))
                 self._changed.notify()
 
@@ -116,25 +117,34 @@ class TopicPort:
         self.malformed += 1
 
     def _look(self) -> None:
-        """Tell who is there, as that changes: for what is sent, who listens, and with which type."""
-        if self._version == self._node.version:
-            return
-        self._version = self._node.version
-        for number, channel in enumerate(self._channels):
-            role = wire.SUBSCRIBER if channel.sends else wire.PUBLISHER
-            other = self._node.kind_of(role, channel.topic, channel.kinds)
-            kind = "" if other is None else other.kind
-            if channel.sends and other is not None:
-                self._sender(number, other)
+        """Tell who is there, as that changes: who listens, with which types, and how many are heard."""
+        if self._version != self._node.version:
+            self._version = self._node.version
+            for number, channel in enumerate(self._channels):
+                self._find(number, channel)
+        now = self._node.now()
+        for number, sieves in self._sieves.items():
             with self._changed:
-                if self._there.get(number, None if channel.sends else "") != kind:
-                    self._there[number] = kind
-                    self._said.append(wire.about(number, kind))
+                if there := self._there.get(number):
+                    self._say(number, there[:1] * max(sum(each.senders(now) for each in sieves), 1))
 
-    def _sender(self, number: int, other: wire.Entity) -> None:
-        known = self._senders.get(number)
-        if known is None or (known.entity.kind, known.entity.digest) != (other.kind, other.digest):
-            self._senders[number] = self._node.publisher(other.name, other.kind, other.digest)
+    def _find(self, number: int, channel: Channel) -> None:
+        """Look for who is at the other end; all that listen are told, whatever their types and hashes."""
+        role = wire.SUBSCRIBER if channel.sends else wire.PUBLISHER
+        found = [each for each in self._node.entities(role, channel.topic) if each.kind in channel.kinds]
+        for place, kind in enumerate(channel.kinds if channel.sends else ()):
+            digests = sorted({each.digest for each in found if each.kind == kind})
+            senders = [self._node.publisher(channel.topic, kind, each) for each in digests]
+            self._senders[wire.at(number, place)] = senders
+        there = {each.kind for each in found}
+        with self._changed:
+            if channel.sends or not there or number not in self._there:
+                self._say(number, tuple(kind for kind in channel.kinds if kind in there))
+
+    def _say(self, number: int, kinds: tuple[str, ...]) -> None:
+        if self._there.get(number) != kinds:
+            self._there[number] = kinds
+            self._said.append(wire.about(number, *kinds))
 
 
 def absent(who: str, channel: Channel) -> NotConnected:

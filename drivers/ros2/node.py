@@ -38,6 +38,7 @@ class Node:
         self.domain, self.namespace, self.name = domain, namespace, name
         self.version = 0
         self.lost = False
+        self._named = False  # as all that is attached is here: see Attachment
         self._zid = str(session.zid())
         self._lock = Lock()
         self._numbers = 0
@@ -47,6 +48,10 @@ class Node:
         self._token(Entity(wire.NODE, domain, self._zid, "0", "0", name, namespace))
         # Last: it is told at once of all that are there.
         self._keep(session.liveliness().declare_subscriber(f"{wire.ADMIN}/{domain}/**", self._seen, history=True))
+
+    def now(self) -> float:
+        """Return the time of its clock."""
+        return self._clock.now()
 
     def entities(self, role: str = "", name: str = "") -> list[Entity]:
         """Return who is there, of a role, and for a topic or service of this name; ours are not among them."""
@@ -71,7 +76,7 @@ class Node:
             declared = self._session.declare_publisher(
                 entity.key, congestion_control=self._zenoh.CongestionControl.DROP, express=True
             )
-            self._publishers[name, kind, digest] = made = Publisher(declared, entity)
+            self._publishers[name, kind, digest] = made = Publisher(declared, entity, self.attach)
         self._token(entity)
         return made
 
@@ -112,7 +117,7 @@ class Node:
         """
         with self._lock:
             self._numbers += 1
-            attached = Attachment(self._numbers, since_1970(), _gid()).pack()
+            attached = self.attach(self._numbers, _gid())
         once = _Once(replied)
         handler = self._zenoh.handlers.Callback(once.reply, once.end)
         try:
@@ -134,14 +139,14 @@ class Node:
             entity = self._entity(wire.SERVER, name, kind, "")
 
         def take(query: "zenoh.Query") -> None:
-            told = wire.attachment(bytes(query.attachment or b""))
+            told = self._attached(query.attachment)
             if told is None or query.payload is None:
                 query.drop()  # type: ignore[no-untyped-call]
                 return
 
             def answer(payload: bytes) -> None:
                 with query:
-                    attached = Attachment(told.number, since_1970(), told.gid).pack()
+                    attached = self.attach(told.number, told.gid)
                     query.reply(query.key_expr, payload, attachment=attached)
 
             asked(bytes(query.payload), answer)
@@ -168,7 +173,17 @@ class Node:
             with suppress(self._zenoh.ZError):  # the session has gone, and they with it
                 each.undeclare()
 
+    def attach(self, number: int, gid: bytes) -> bytes:
+        """Return what goes with a message that is sent now."""
+        return Attachment(number, since_1970(), gid, self._named).pack()
+
     # --- the inside ---------------------------------------------------------------------------------------------------
+
+    def _attached(self, data: Any) -> Attachment | None:
+        told = wire.attachment(bytes(data or b""))
+        if told is not None:
+            self._named = told.named  # who is here speaks as all others do: else they would not hear each other
+        return told
 
     def _entity(self, role: str, name: str, kind: str, digest: str, qos: str = wire.QOS) -> Entity:
         self._numbers += 1
@@ -199,7 +214,7 @@ class Node:
         self, kind: str, sieve: Sieve, heard: Heard, malformed: Callable[[], None]
     ) -> Callable[["zenoh.Sample"], None]:
         def take(sample: "zenoh.Sample") -> None:
-            told = wire.attachment(bytes(sample.attachment or b""))
+            told = self._attached(sample.attachment)
             if told is None:
                 malformed()
             elif sieve.passes(told, self._clock.now()):
@@ -211,8 +226,8 @@ class Node:
 class Publisher:
     """Sends on one topic, numbered and stamped. ``entity`` is what its token tells of it."""
 
-    def __init__(self, declared: Any, entity: Entity) -> None:
-        self._declared, self.entity = declared, entity
+    def __init__(self, declared: Any, entity: Entity, attach: Callable[[int, bytes], bytes]) -> None:
+        self._declared, self.entity, self._attach = declared, entity, attach
         self._lock = Lock()
         self._number = 0
         self._gid = _gid()
@@ -221,8 +236,7 @@ class Publisher:
         """Send a message; what cannot go out now is dropped."""
         with self._lock:
             self._number += 1
-            attached = Attachment(self._number, since_1970(), self._gid).pack()
-            self._declared.put(payload, attachment=attached)
+            self._declared.put(payload, attachment=self._attach(self._number, self._gid))
 
 
 class _Once:

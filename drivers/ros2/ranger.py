@@ -26,6 +26,9 @@ SILENT_AFTER = 1.0
 
 MOST_BEAMS = 10_000
 
+FARTHEST = 1000.0
+"""Metres that a range finder measures at most, where it says that there is no end to it."""
+
 
 class Ros2Ranger:
     """A ``drivers.api.Ranger`` over a link to a topic. ``place`` and ``blind`` as of every range finder."""
@@ -95,8 +98,7 @@ class Ros2Ranger:
         for channel, payload in self._finder.feed(data):
             try:
                 if channel == wire.ABOUT:
-                    kind = wire.told(payload)[1]
-                    self._kind = kind if kind == SCAN else ""
+                    self._kind = SCAN if SCAN in wire.told(payload)[1] else ""
                 else:
                     self._take(types().decode(SCAN, payload))
             except (Malformed, ValueError):
@@ -110,13 +112,14 @@ class Ros2Ranger:
 
     def _take(self, told: Any) -> None:
         """Take a scan. Raises ValueError for one whose figures make no sense."""
-        figures = (told.angle_min, told.angle_increment, told.range_min, told.range_max, told.scan_time)
-        if not all(map(isfinite, figures)) or not 0 < len(told.ranges) <= MOST_BEAMS or told.angle_increment == 0:
+        figures = (told.angle_min, told.angle_increment, told.range_min, told.scan_time)
+        sound = all(map(isfinite, figures)) and told.range_max > 0 and told.angle_increment != 0
+        if not (sound and 0 < len(told.ranges) <= MOST_BEAMS):
             raise ValueError("a scan whose figures make no sense")
-        now = self._clock.now()
+        now, most = self._clock.now(), min(told.range_max, FARTHEST)
         ranges = told.ranges.astype(np.float32)
         with np.errstate(invalid="ignore"):
-            ranges[~((ranges >= told.range_min) & (ranges <= told.range_max) & (ranges > 0))] = np.nan
+            ranges[~((ranges >= told.range_min) & (ranges <= most) & (ranges > 0))] = np.nan
         start, step = float(told.angle_min) + self.place[2], float(told.angle_increment)
         if step < 0:  # clockwise
             start, step, ranges = start + step * (len(ranges) - 1), -step, ranges[::-1].copy()
@@ -125,7 +128,7 @@ class Ros2Ranger:
             past = np.remainder(bearings - first + 1e-9, 2 * np.pi)
             ranges[past <= np.remainder(second - first, 2 * np.pi) + 2e-9] = np.nan
         stamp = now - max(min(float(told.scan_time) / 2, STALE_AFTER / 2), 0.0)
-        least, most = round(float(told.range_min), 4), round(float(told.range_max), 4)  # they come as float32
+        least, most = round(float(told.range_min), 4), round(float(most), 4)  # they come as float32
         first_bearing = float(wrapped(np.array([start]))[0])
         found = RangeScan(ranges, first_bearing, step, stamp, self._number, least, most)
         self._number += 1

@@ -14,7 +14,7 @@ from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
 from drivers.guard import guarded
 from drivers.ros2 import wire
-from drivers.ros2.actions import CANCEL, FEEDBACK, RESULT, SEND
+from drivers.ros2.actions import CANCEL, CANCEL_KIND, FEEDBACK, NOT_KNOWN, RESULT, SEND
 from drivers.ros2.node import Node, Replied
 from drivers.ros2.reasons import reason
 from drivers.ros2.types import Malformed, types
@@ -22,8 +22,8 @@ from drivers.ros2.types import Malformed, types
 ANSWER_TIME = 2.0
 """Seconds in which a server accepts a goal, or confirms that it cancels one."""
 
-RESULT_TIME = 3600.0
-"""Seconds in which the result of an action comes; a service has as long."""
+RESULT_TIME = 30 * 86400.0
+"""Seconds in which the result of an action comes; a service has as long. Whether its server is there, tokens say."""
 
 AGAIN = 1.0
 """Seconds after which a goal that may still go on is cancelled once more."""
@@ -37,6 +37,9 @@ KEPT = 100
 ENDED = {4: GoalState.SUCCEEDED, 5: GoalState.CANCELLED, 6: GoalState.FAILED}
 """The ends of an action, as action_msgs numbers them."""
 
+REJECTED = 1
+"""What a server says that goes on with a goal that is to be cancelled, as action_msgs numbers it."""
+
 _NAMES = {4: "succeeded", 5: "was cancelled", 6: "was aborted"}
 
 
@@ -46,8 +49,8 @@ class _Request:
     ``loose``: its end is unknown, so that it may go on, until its server has heard that it is to be cancelled.
     """
 
-    def __init__(self, name: str, kind: str, *, goal: bool) -> None:
-        self.name, self.kind, self.goal = name, kind, goal
+    def __init__(self, name: str, kind: str, server: wire.Entity, *, goal: bool) -> None:
+        self.name, self.kind, self.server, self.goal = name, kind, server, goal
         self.uuid = list(uuid4().bytes)
         self.progress = Progress(GoalState.SENT)
         self.accepted = self.cancel = self.cancelling = self.loose = False
@@ -71,17 +74,17 @@ class Requests:
 
     def call(self, name: str, kind: str, values: str) -> int:
         """Ask a service. Raises BadRequest, NotConnected."""
-        server = self._server(name, kind)
+        server = self._only(name, kind)
         payload = types().encode(f"{server.kind}_Request", _object(server.kind, values))
-        number, request = self._new(_Request(name, server.kind, goal=False))
+        number, request = self._new(_Request(name, server.kind, server, goal=False))
         self._nodes().call(server, payload, partial(self._answered, request), patience=RESULT_TIME)
         return number
 
     def begin(self, name: str, kind: str, goal: Mapping[str, object]) -> int:
         """Begin an action. Raises BadRequest, NotConnected."""
-        server = self._server(f"{name}/{SEND}", kind and f"{kind}_SendGoal")
+        server = self._only(f"{name}/{SEND}", kind and f"{kind}_SendGoal")
         kind = server.kind.removesuffix("_SendGoal")
-        request = _Request(name, kind, goal=True)
+        request = _Request(name, kind, server, goal=True)
         payload = types().encode(server.kind + "_Request", {"goal_id": {"uuid": request.uuid}, "goal": goal})
         number, request = self._new(request)
         self._hear_feedback(name, kind)
@@ -122,8 +125,8 @@ class Requests:
             self._cancel_again(request, node, now)
             if request.progress.over:
                 continue
-            name = f"{request.name}/{SEND}" if request.goal else request.name
-            there = node is not None and node.kind_of(wire.SERVER, name) is not None
+            # Begun anew, it is another one: what was asked of the one before, it does not know.
+            there = node is not None and request.server in node.entities(wire.SERVER, request.server.name)
             with self._lock:
                 if there:
                     request.lost_since = None
@@ -136,15 +139,23 @@ class Requests:
 
     # --- the inside ---------------------------------------------------------------------------------------------------
 
-    def _server(self, name: str, kind: str) -> wire.Entity:
-        found = self._nodes().kind_of(wire.SERVER, name, [kind] if kind else ())
-        if found is None:
+    def _servers(self, name: str, kind: str) -> list[wire.Entity]:
+        found = [each for each in self._nodes().entities(wire.SERVER, name) if kind in {"", each.kind}]
+        if not found:
             told = name.removesuffix(f"/{SEND}")
             of = f" of the type {kind.removesuffix('_SendGoal')}" if kind else ""
             raise NotConnected(
                 f"ros2: nobody offers {told}{of}", hint="`mission ros2 topics --all` lists what there is"
             )
         return found
+
+    def _only(self, name: str, kind: str) -> wire.Entity:
+        """Return the one server of a name: of two, such as those of two robots, both would do what is asked."""
+        found = self._servers(name, kind)
+        if len(found) > 1:
+            what = f"ros2: {len(found)} nodes offer {name.removesuffix(f'/{SEND}')}: all of them would do it"
+            raise NotConnected(what, hint="`mission ros2 graph` shows them; two robots need a namespace each")
+        return found[0]
 
     def _new(self, request: _Request) -> tuple[int, _Request]:
         with self._lock:
@@ -217,17 +228,22 @@ class Requests:
     def _send_cancel(self, request: _Request) -> None:
         with self._lock:
             request.cancelling, request.asked = True, self._clock.now()
-        service = "action_msgs/srv/CancelGoal"
-        asked = types().encode(f"{service}_Request", {"goal_info": {"goal_id": {"uuid": request.uuid}}})
-        self._ask(request, CANCEL, service, asked, partial(self._cancel_heard, request), ANSWER_TIME)
+        asked = types().encode(f"{CANCEL_KIND}_Request", {"goal_info": {"goal_id": {"uuid": request.uuid}}})
+        self._ask(request, CANCEL, CANCEL_KIND, asked, partial(self._cancel_heard, request), ANSWER_TIME)
 
     def _cancel_heard(self, request: _Request, payload: bytes | None) -> None:
         """Take that the server has heard of a cancel, or has not; the end of the goal is told otherwise."""
+        try:
+            code = REJECTED if payload is None else types().decode(f"{CANCEL_KIND}_Response", payload).return_code
+        except Malformed:
+            code = 0
         with self._lock:
-            if payload is None:
-                request.cancelling = False
-            else:
-                request.loose = False
+            if code == REJECTED:
+                request.cancelling = False  # so it is asked again
+                return
+            request.loose = False
+        if code == NOT_KNOWN:
+            self._tell(request, GoalState.FAILED, f"{request.name}: its server does not know this goal any more")
 
     def _cancel_again(self, request: _Request, node: Node | None, now: float) -> None:
         """Cancel a goal once more whose cancel was lost, or whose end is unknown, where its server is there."""
@@ -235,12 +251,12 @@ class Requests:
             lost = request.cancel and request.accepted and not request.cancelling and not request.progress.over
             if not (lost or request.loose) or node is None or now - request.asked <= AGAIN:
                 return
-        if node.kind_of(wire.SERVER, f"{request.name}/{CANCEL}") is not None:
+        if node.entities(wire.SERVER, f"{request.name}/{CANCEL}"):
             self._send_cancel(request)
 
     def _ask(self, request: _Request, part: str, kind: str, payload: bytes, replied: Replied, patience: float) -> None:
         try:
-            server = self._server(f"{request.name}/{part}", kind)
+            server = self._servers(f"{request.name}/{part}", kind)[0]
             self._nodes().call(server, payload, replied, patience=patience)
         except NotConnected as error:
             self._tell(request, GoalState.UNKNOWN, str(error))

@@ -11,6 +11,9 @@ JUMPED = 1.0
 DRIFT = 2e-4
 """Seconds a second by which two clocks drift apart at most."""
 
+RECENT = 1.0
+"""Seconds for which a sender counts as one that is there after it was heard."""
+
 _SENDERS = 16
 """Senders on one topic that are told apart at most."""
 
@@ -33,6 +36,10 @@ class Sieve:
         self.late = self.doubled = 0
         self._senders: dict[bytes, _Sender] = {}
 
+    def senders(self, now: float) -> int:
+        """Return how many were heard of late."""
+        return sum(now - each.heard_at < RECENT for each in list(self._senders.values()))
+
     def passes(self, told: Attachment, now: float) -> bool:
         """Whether a message with this attachment counts that has arrived at time ``now``."""
         shift = now - told.sent / 1e9  # two clocks: only differences count
@@ -48,7 +55,7 @@ class Sieve:
         # Its clock may be slower than ours: then the quickest of long ago is no measure any more.
         known.shift += DRIFT * max(now - known.heard_at, 0.0)
         known.number, known.heard_at = told.number, now
-        if shift - known.shift > LATE:
+        if shift - known.shift > LATE and told.sent > 0:  # else it does not know the time
             if known.late_since is None:
                 known.late_since = now
             if now - known.late_since < JUMPED:

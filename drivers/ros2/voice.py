@@ -83,7 +83,7 @@ class Ros2Voice(PrintedVoice):
         """Take note of who listens."""
         for channel, payload in self._finder.feed(data):
             if channel == wire.ABOUT:
-                self._kind = wire.told(payload)[1]
+                self._kind = next(iter(wire.told(payload)[1]), "")
 
     def pulse(self) -> None:
         """Let what waits have its turn."""

@@ -1,7 +1,7 @@
 """Joints as topics of ROS 2 have them: where each is, where it is sent, and what of that a controller is told."""
 
 from collections.abc import Callable, Mapping
-from math import degrees, inf
+from math import degrees, inf, isnan, nan
 from typing import Any
 
 from drivers.api import DeviceStatus, JointLimits, JointState, Quality, Reading, Report
@@ -99,8 +99,11 @@ def leg(ways: Mapping[str, Way], now: float) -> list[tuple[float, dict[str, floa
     return [(time, {name: way.position(now + time) for name, way in ways.items()}) for time in times]
 
 
-def frames(kind: str, joints: Mapping[str, TopicJoint], ways: Mapping[str, Way], now: float) -> bytes:
-    """Return what a controller that listens to ``kind`` is told at ``now``, as frames of its channels."""
+def frames(kind: str, joints: Mapping[str, TopicJoint], ways: Mapping[str, Way], now: float, place: int = 0) -> bytes:
+    """Return what a controller that listens to ``kind`` is told at ``now``, as frames of its channels.
+
+    ``place`` is that of the kind among those of the channel.
+    """
     if kind == TRAJECTORY:
         points = [
             {
@@ -110,10 +113,10 @@ def frames(kind: str, joints: Mapping[str, TopicJoint], ways: Mapping[str, Way],
             for time, places in leg(ways, now)
         ]
         values = {"joint_names": [joint.there for joint in joints.values()], "points": points}
-        return wire.frame(1, types().encode(kind, values))
+        return wire.frame(1, types().encode(kind, values), place)
     places = [joint.direction * ways[name].position(now) for name, joint in joints.items()]
     if kind == ARRAY:
-        return wire.frame(1, types().encode(kind, {"data": places}))
+        return wire.frame(1, types().encode(kind, {"data": places}), place)
     told = (wire.frame(number, types().encode(SINGLE, {"data": place})) for number, place in enumerate(places, 1))
     return b"".join(told)
 
@@ -136,11 +139,12 @@ class Felt:
             if (place := at.get(joint.there)) is None:
                 continue
             position, before = joint.direction * float(told.position[place]), self._all.get(name)
-            velocity = 0.0
-            if place < len(told.velocity):
-                velocity = joint.direction * float(told.velocity[place])
-            elif before is not None and now > before[2]:
-                velocity = (position - before[0]) / (now - before[2])
+            if isnan(position):  # it has not been read yet
+                continue
+            velocity = joint.direction * float(told.velocity[place]) if place < len(told.velocity) else nan
+            if isnan(velocity):  # nor is measured
+                since = 0.0 if before is None else now - before[2]
+                velocity = (position - before[0]) / since if before is not None and since > 0 else 0.0
             if not (abs(position) < FAR and abs(velocity) < FAR):
                 raise ValueError("joints of no robot")
             found[name] = (position, velocity, now)

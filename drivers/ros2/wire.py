@@ -19,8 +19,9 @@ QOS = "::,10:,:,:,,"
 LATCHED = ":1:,10:,:,:,,"
 """The same, but transient local: who comes later is given what was sent before."""
 
-_ATTACHED = struct.Struct("<qqB")
-_GID = 16
+_PLAIN = struct.Struct("<qqB")
+_NAMED = struct.Struct("<16sq17sq11sB")
+_WORDS = b"\x0fsequence_number", b"\x10source_timestamp", b"\x0asource_gid"
 _FRAME = struct.Struct("<HI")
 _NAME = re.compile(r"/?\w+(/\w+)*", re.ASCII)
 
@@ -135,44 +136,64 @@ def _demangled(name: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Attachment:
-    """What goes with each message: a number that counts up, when it was sent (ns since 1970), and by whom."""
+    """What goes with each message: a number that counts up, when it was sent (ns since 1970), and by whom.
+
+    Those of `rmw_zenoh` before 0.2.4 are ``named``: each part has its name before it, and must have.
+    """
 
     number: int
     sent: int
     gid: bytes
+    named: bool = False
 
     def pack(self) -> bytes:
         """Return it as it is on the wire."""
-        return _ATTACHED.pack(self.number, self.sent, len(self.gid)) + self.gid
+        told = self.number, self.sent, len(self.gid)
+        if self.named:
+            return _NAMED.pack(*(each for pair in zip(_WORDS, told, strict=True) for each in pair)) + self.gid
+        return _PLAIN.pack(*told) + self.gid
 
 
 def attachment(data: bytes) -> Attachment | None:
     """Return what was attached; None for what is none."""
-    if len(data) != _ATTACHED.size + _GID:
+    named = data.startswith(_WORDS[0])
+    form = _NAMED if named else _PLAIN
+    if len(data) <= form.size:
         return None
-    number, sent, length = _ATTACHED.unpack_from(data)
-    return Attachment(number, sent, data[_ATTACHED.size :]) if length == _GID else None
+    *told, length = form.unpack_from(data)
+    if named and (told[0], told[2], told[4]) != _WORDS:
+        return None
+    number, sent = told[1::2] if named else told
+    return Attachment(number, sent, data[form.size :], named) if length == len(data) - form.size else None
 
 
-def frame(channel: int, payload: bytes) -> bytes:
-    """Return a message of a channel as it is on the line between a part and its session."""
-    return _FRAME.pack(channel, len(payload)) + payload
+def at(channel: int, kind: int) -> int:
+    """Return what stands for a channel, and for the place of a type among those of it, in a frame."""
+    return channel | kind << 8
 
 
-def about(channel: int, kind: str) -> bytes:
-    """Return the frame that tells of a channel: the type of who is there, or nothing for nobody."""
-    return frame(ABOUT, struct.pack("<H", channel) + kind.encode())
+def frame(channel: int, payload: bytes, kind: int = 0) -> bytes:
+    """Return a message of a channel as it is on the line between a part and its session.
+
+    ``kind`` as in ``at``.
+    """
+    return _FRAME.pack(at(channel, kind), len(payload)) + payload
+
+
+def about(channel: int, *kinds: str) -> bytes:
+    """Return the frame that tells of a channel: the types of those who are there, nothing for nobody."""
+    return frame(ABOUT, struct.pack("<H", channel) + " ".join(kinds).encode())
 
 
 ASK = frame(ABOUT, b"")
 """Asks who is there, on every channel."""
 
 
-def told(payload: bytes) -> tuple[int, str]:
-    """Return the channel and the type of a frame of ``about``. Raises ValueError for what is none."""
+def told(payload: bytes) -> tuple[int, tuple[str, ...]]:
+    """Return the channel and the types of a frame of ``about``. Raises ValueError for what is none."""
     if len(payload) < 2:
         raise ValueError("too short")
-    return struct.unpack_from("<H", payload)[0], payload[2:].decode()
+    return struct.unpack_from("<H", payload)[0], tuple(payload[2:].decode().split())
 
 
 class FrameFinder:

@@ -62,7 +62,7 @@ class Topics:
             for channel, payload in self._finder.feed(data):
                 if channel == wire.ABOUT:
                     self._asked = True
-                elif not self.frozen:
+                elif not self.frozen and channel < wire.at(0, 1):  # of the type that it listens to, its first
                     self._hear(channel, payload, now)
             return self._said(now)
 

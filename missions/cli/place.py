@@ -1,6 +1,7 @@
 """``mission place``: the places of a robot's map, by name."""
 
-from math import atan2, cos, degrees, isfinite, sin
+from contextlib import suppress
+from math import cos, degrees, isfinite, sin
 from threading import Event
 from typing import Any
 
@@ -108,7 +109,8 @@ def _here(config: RobotConfig, robot: str, router: str | None) -> Frame:
     from drivers.ros2.types import Malformed, types  # noqa: PLC0415
     from missions.cli.ros2 import looking  # noqa: PLC0415
 
-    frames: dict[tuple[str, str], Frame] = {}
+    namespace = config.sections["ros2"].keys.namespace
+    frames = Frames(namespace)
 
     def heard(kind: str, payload: bytes) -> None:
         try:
@@ -116,21 +118,49 @@ def _here(config: RobotConfig, robot: str, router: str | None) -> Frame:
         except Malformed:
             return
         for each in told.transforms:
-            at, turned = each.transform.translation, each.transform.rotation
-            pair = each.header.frame_id.lstrip("/"), each.child_frame_id.lstrip("/")
-            frames[pair] = at.x, at.y, 2 * atan2(turned.z, turned.w)
+            frames.take(each.header.frame_id, each.child_frame_id, each.transform)
 
     with looking(robot, router, None) as node:
-        for topic in ("/tf", f"{config.sections['ros2'].keys.namespace}/tf"):
+        for topic in ("/tf", f"{namespace}/tf", "/tf_static", f"{namespace}/tf_static"):
             node.subscribe(topic, [TF], heard, lambda: None)
         for _ in range(round(PATIENCE / 0.1)):
-            on_map = frames.get(("map", "odom"))
-            body = next((frames["odom", each] for each in BODIES if ("odom", each) in frames), None)
-            if on_map is not None and body is not None:
-                return placed(on_map, body)
+            if (found := frames.here()) is not None:
+                return found
             Event().wait(0.1)  # of a command that only looks
-    lacking = "map to odom (is it localised?)" if ("map", "odom") not in frames else "odom to base_link"
-    raise NotConnected(f"{config.name} does not say on /tf where it is: {lacking} is missing", hint="give --at")
+    what = f"{config.name} does not say on /tf where it is: {frames.lacking} is missing"
+    raise NotConnected(what, hint="give --at")
+
+
+class Frames:
+    """The frames of a robot by what /tf says of them; those of its ``namespace`` go without it."""
+
+    def __init__(self, namespace: str) -> None:
+        self._namespace = f"{namespace.strip('/')}/"
+        self._above: dict[str, tuple[str, Frame]] = {}
+
+    def take(self, frame: str, child: str, told: Any) -> None:
+        """Take where ``child`` is in ``frame``, as a Transform; one that was never set is none."""
+        from drivers.ros2.base import yaw  # noqa: PLC0415 - an extra
+
+        above, below = (each.lstrip("/").removeprefix(self._namespace) for each in (frame, child))
+        with suppress(ValueError):
+            self._above[below] = above, (told.translation.x, told.translation.y, yaw(told.rotation))
+
+    def here(self) -> Frame | None:
+        """Return where the robot is on its map; None while no frames lead there."""
+        return next((found for each in BODIES if (found := self._on_map(each)) is not None), None)
+
+    @property
+    def lacking(self) -> str:
+        """Which frame does not lead to the map."""
+        return "odom to base_link" if self._on_map("odom") is not None else "map to odom (is it localised?)"
+
+    def _on_map(self, frame: str) -> Frame | None:
+        place, known = (0.0, 0.0, 0.0), dict(self._above)
+        while frame in known:
+            frame, at = known.pop(frame)  # each once: they may go round
+            place = placed(at, place)
+        return place if frame == "map" else None
 
 
 def placed(outer: Frame, inner: Frame) -> Frame:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from math import pi
 from pathlib import Path
 from signal import SIGTERM
+from types import SimpleNamespace
 
 import pytest
 
@@ -14,7 +15,7 @@ from drivers.ros2.types import types
 from drivers.ros2.wire import entity
 from drivers.virtual.ros2 import free_address
 from missions.assembly.simulation import Simulation
-from missions.cli.place import placed
+from missions.cli.place import Frames, placed
 from missions.library.drivers import load_robot
 from tests.missions.command import Outcome, Process, command
 
@@ -146,6 +147,38 @@ def test_a_robot_without_ros_is_told_so(mission: Mission) -> None:
 
 def test_a_pose_on_the_map_is_put_together_of_two_frames() -> None:
     assert placed((1.0, 2.0, pi / 2), (3.0, 0.0, 0.5)) == pytest.approx((1.0, 5.0, pi / 2 + 0.5))
+
+
+def test_a_pose_on_the_map_is_found_by_whatever_frames_lead_there() -> None:
+    turned = SimpleNamespace(x=0.0, y=0.0, z=2.0, w=2.0)  # a quarter, of another length
+    odom = ("tb4/map", "tb4/odom", (1.0, 2.0), turned)
+    foot = ("tb4/odom", "tb4/base_footprint", (3.0, 0.0), turned)
+    for chain in (
+        [odom, foot, ("tb4/base_footprint", "tb4/base_link", (0.0, 0.0), turned)],
+        [odom, foot],
+        [odom, ("tb4/odom", "tb4/base_link", (3.0, 0.0), turned)],
+        [("/map", "/base_link", (1.0, 5.0), turned)],
+    ):  # fmt: skip
+        frames = Frames("/tb4")
+        assert frames.here() is None
+        for frame, child, (x, y), rotation in chain:
+            frames.take(frame, child, SimpleNamespace(translation=SimpleNamespace(x=x, y=y), rotation=rotation))
+        found = frames.here()
+        assert found is not None
+        assert found[:2] == pytest.approx((1.0, 5.0))
+
+
+def test_the_frames_of_another_robot_and_those_that_go_round_lead_nowhere() -> None:
+    frames, turned = Frames("/tb4"), SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
+    for frame, child in (
+        ("map", "tb3/odom"),
+        ("tb3/odom", "tb3/base_link"),
+        ("odom", "base_link"),
+        ("base_link", "odom"),
+    ):
+        frames.take(frame, child, SimpleNamespace(translation=SimpleNamespace(x=0.0, y=0.0), rotation=turned))
+    assert frames.here() is None
+    assert frames.lacking == "map to odom (is it localised?)"
 
 
 def test_only_places_that_can_be_read_again_are_written(mission: Mission) -> None:

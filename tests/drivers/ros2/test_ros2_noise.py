@@ -77,7 +77,8 @@ def hearers() -> list[tuple[str, Take]]:
     requests = Requests(lambda: cast(Node, Deaf()), site.clock, lambda: None)
 
     def new(*, goal: bool) -> _Request:
-        return _Request("/x", NAVIGATE if goal else "std_srvs/srv/Trigger", goal=goal)
+        kind = NAVIGATE if goal else "std_srvs/srv/Trigger"
+        return _Request("/x", kind, wire.Entity("SS", 0, "a", "0", "1", "nav2", "", "/x", kind), goal=goal)
 
     found += [
         (f"{NAVIGATE}_FeedbackMessage", lambda data: requests._fed_back(f"{NAVIGATE}_FeedbackMessage", data)),

@@ -1,12 +1,15 @@
 """Goals whose end is unknown, and cancels that are lost: turned by hand."""
 
-from types import SimpleNamespace
 from typing import Any, cast
 
+import pytest
+
 from drivers.api.ros2 import GoalState
+from drivers.errors import NotConnected
 from drivers.ros2.node import Node
 from drivers.ros2.requests import Requests
 from drivers.ros2.types import types
+from drivers.ros2.wire import Entity
 
 NAVIGATE = "nav2_msgs/action/NavigateToPose"
 CANCEL = "action_msgs/srv/CancelGoal"
@@ -17,17 +20,19 @@ class Network:
 
     def __init__(self) -> None:
         self.there, self.time = True, 100.0
+        self.servers = ["a"]
         self.asked: list[tuple[str, Any]] = []
 
     def now(self) -> float:
         return self.time
 
-    def kind_of(self, _role: str, name: str, _kinds: Any = ()) -> Any:
+    def entities(self, role: str, name: str) -> list[Entity]:
         ends = {"send_goal": f"{NAVIGATE}_SendGoal", "get_result": f"{NAVIGATE}_GetResult", "cancel_goal": CANCEL}
-        return SimpleNamespace(kind=ends[name.rpartition("/")[2]]) if self.there else None
+        kind = ends[name.rpartition("/")[2]]
+        return [Entity(role, 0, zid, "0", "1", "nav2", "", name, kind) for zid in self.servers if self.there]
 
     def call(self, server: Any, _payload: bytes, replied: Any, *, patience: float) -> None:
-        del patience
+        self.patience = patience
         self.asked.append((server.kind, replied))
 
     def subscribe(self, *_: Any) -> None:
@@ -53,6 +58,7 @@ def look(network: Network, requests: Requests, seconds: float) -> None:
 
 
 HEARD = types().encode(f"{CANCEL}_Response", {})
+REJECTED, NOT_KNOWN, TERMINATED = (types().encode(f"{CANCEL}_Response", {"return_code": code}) for code in (1, 2, 3))
 
 
 def test_a_goal_whose_end_is_unknown_is_cancelled_until_its_server_has_heard_it() -> None:
@@ -87,3 +93,59 @@ def test_a_cancel_that_was_lost_is_sent_again_by_itself_and_by_who_asks_again() 
     network.cancels[2](HEARD)
     look(network, requests, 1.5)
     assert len(network.cancels) == 3
+
+
+def test_a_cancel_that_is_rejected_is_asked_for_again_and_again() -> None:
+    network, requests, number = begun()
+    requests.cancel(number)
+    for count in (1, 2, 3):
+        assert len(network.cancels) == count
+        network.cancels[-1](REJECTED)
+        assert requests.progress(number).state is GoalState.CANCELLING
+        look(network, requests, 1.5)
+
+
+def test_a_goal_that_its_server_does_not_know_any_more_is_over_and_one_that_has_ended_tells_how() -> None:
+    network, requests, number = begun()
+    requests.cancel(number)
+    network.cancels[0](TERMINATED)
+    assert not requests.progress(number).over
+    requests.cancel(number)
+    network.cancels[1](NOT_KNOWN)
+    told = requests.progress(number)
+    assert (told.state, told.reason) == (
+        GoalState.FAILED, "/navigate_to_pose: its server does not know this goal any more"
+    )  # fmt: skip
+    look(network, requests, 5.0)
+    assert len(network.cancels) == 2
+
+
+def test_a_server_that_is_back_at_once_is_another_one_and_what_it_was_asked_is_unknown_and_cancelled() -> None:
+    network, requests, number = begun()
+    network.servers = ["b"]
+    look(network, requests, 0.1)
+    look(network, requests, 1.1)
+    told = requests.progress(number)
+    assert (told.state, "its server has gone" in told.reason) == (GoalState.UNKNOWN, True)
+    look(network, requests, 1.1)
+    assert len(network.cancels) == 1
+    network.cancels[0](NOT_KNOWN)
+    look(network, requests, 5.0)
+    assert len(network.cancels) == 1
+
+
+def test_what_two_servers_would_do_is_not_begun_and_what_was_begun_is_cancelled_though_there_are_two() -> None:
+    network, requests, number = begun()
+    network.servers = ["a", "b"]
+    with pytest.raises(NotConnected, match="2 nodes offer /navigate_to_pose"):
+        requests.begin("/navigate_to_pose", NAVIGATE, {})
+    requests.cancel(number)
+    assert len(network.cancels) == 1
+
+
+def test_a_goal_that_never_ends_goes_on_for_days_while_its_server_is_there() -> None:
+    network, requests, number = begun()
+    for _ in range(100):
+        look(network, requests, 3600.0)
+    assert requests.progress(number).state is GoalState.RUNNING
+    assert network.patience > 100 * 3600.0

@@ -1,0 +1,318 @@
+"""What robots say that are not as ours: forms, figures, names and clocks of the many ROS 2 that there are."""
+
+import struct
+from collections.abc import Iterator
+from math import cos, inf, nan, sin
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from drivers.api.driver import Site
+from drivers.clock import ManualClock
+from drivers.ros2 import create3, wire
+from drivers.ros2.base import KINDS
+from drivers.ros2.camera import IMAGES, TopicFeed, picture
+from drivers.ros2.declared import Ros2ArmKeys, Ros2JointKeys, Ros2RangeKeys, ZenohKeys
+from drivers.ros2.make import arm as make_arm
+from drivers.ros2.make import graph as make_graph
+from drivers.ros2.make import ranger as make_ranger
+from drivers.ros2.ranger import SCAN, Ros2Ranger
+from drivers.ros2.sieve import Sieve
+from drivers.ros2.types import types
+from drivers.ros2.ways import STATE
+from drivers.ros2.wire import Attachment
+from tests.contract.test_ros2_base_contract import TOPICS, Topics
+
+GID = bytes(range(16))
+
+
+# --- attachments ----------------------------------------------------------------------------------------------------
+
+
+def test_the_attachment_of_an_older_rmw_zenoh_which_names_its_parts_is_read_and_answered_in_kind() -> None:
+    named = b"".join(
+        bytes([len(word)]) + word + data
+        for word, data in (
+            (b"sequence_number", struct.pack("<q", 7)),
+            (b"source_timestamp", struct.pack("<q", 10**18)),
+            (b"source_gid", bytes([16]) + GID),
+        )
+    )
+    told = wire.attachment(named)
+    assert told is not None
+    assert (told.number, told.sent, told.gid) == (7, 10**18, GID)
+    assert told.pack() == named
+
+
+@pytest.mark.parametrize("length", [1, 12, 24])
+def test_a_gid_of_another_length_is_one(length: int) -> None:
+    told = Attachment(7, 10**18, bytes(length))
+    assert wire.attachment(told.pack()) == told
+
+
+def test_a_sender_that_does_not_know_the_time_is_heard_by_its_numbers() -> None:
+    sieve = Sieve()
+    assert all(sieve.passes(Attachment(number, 0, GID), number / 10) for number in range(100))
+
+
+def test_clocks_that_differ_by_hours_and_are_set_by_hours_make_nothing_late_for_long() -> None:
+    sieve = Sieve()
+    passed = []
+    for number in range(100):
+        ahead = 7200 if number >= 50 else -7200
+        passed.append(sieve.passes(Attachment(number, round((number / 10 + ahead) * 1e9), GID), number / 10))
+    assert all(passed)
+
+
+# --- range finders --------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def ranger() -> Iterator[Ros2Ranger]:
+    site = Site(ManualClock())
+    found: Ros2Ranger = make_ranger(
+        Ros2RangeKeys(), Site(site.clock, parts={"ros2": make_graph(ZenohKeys(domain=0), site)})
+    )
+    yield found
+    found.close()
+
+
+def scanned(ranger: Ros2Ranger, **given: object) -> Any:
+    values = {
+        "angle_min": -0.1, "angle_max": 0.1, "angle_increment": 0.1, "range_min": 0.1, "range_max": 10.0,
+        "ranges": [1.0, 2.0, 3.0],
+    }  # fmt: skip
+    ranger.received(wire.frame(0, types().encode(SCAN, values | given)))
+    return ranger.scan().value
+
+
+def test_a_scan_whose_highest_range_is_infinite_is_one(ranger: Ros2Ranger) -> None:
+    scan = scanned(ranger, range_max=inf, ranges=[1.0, inf, 3.0])
+    assert scan is not None
+    assert np.isfinite(scan.most)
+    assert scan.ranges[0] == 1.0
+    assert np.isnan(scan.ranges[1])
+
+
+def test_what_is_no_range_is_nothing_and_a_clockwise_scan_is_turned_round(ranger: Ros2Ranger) -> None:
+    scan = scanned(ranger, angle_min=0.1, angle_increment=-0.1, ranges=[-1.0, nan, 3.0])
+    assert (scan.start, scan.step) == (pytest.approx(-0.1), pytest.approx(0.1))
+    assert scan.ranges[0] == 3.0
+    assert np.isnan(scan.ranges[1:]).all()
+    assert np.isnan(scanned(ranger, ranges=[0.0, inf, -inf]).ranges).all()
+
+
+def test_a_scan_whose_beams_are_nowhere_is_none(ranger: Ros2Ranger) -> None:
+    several: tuple[dict[str, object], ...] = (
+        {"angle_increment": nan}, {"angle_increment": 0.0}, {"angle_min": inf}, {"ranges": []},
+    )  # fmt: skip
+    for wrong in several:
+        assert scanned(ranger, **wrong) is None
+    assert ranger.health().counters["malformed"] == 4
+
+
+# --- bases ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def base() -> Iterator[Topics]:
+    rig = Topics()
+    rig.start()
+    yield rig
+    rig.close()
+
+
+def told(base: Topics, word: str, **values: object) -> None:
+    """Let the robot say something besides."""
+    base.wire.take(wire.frame(list(TOPICS).index(word), types().encode(KINDS[word][0], values)))
+    base.wait(0.05)
+
+
+def odometry(base: Topics, x: float, y: float, turned: dict[str, float], frame: str = "odom") -> None:
+    """Let it say where it is, and nothing else from now on."""
+    base.robot.frozen = True
+    header = {"frame_id": frame}
+    told(base, "odom", header=header, pose={"pose": {"position": {"x": x, "y": y}, "orientation": turned}})
+
+
+def about_z(angle: float, length: float = 1.0) -> dict[str, float]:
+    return {"z": length * sin(angle / 2), "w": length * cos(angle / 2)}
+
+
+def test_an_orientation_that_is_not_of_length_one_is_taken_for_its_direction(base: Topics) -> None:
+    origin = base.robot.origin
+    odometry(base, origin.x, origin.y, about_z(origin.heading + 0.3, 2.0))
+    assert base.state().pose.heading == pytest.approx(0.3, abs=1e-6)
+
+
+def test_an_orientation_that_was_never_set_is_none(base: Topics) -> None:
+    before, counted = base.state().pose, base.device.health().counters["malformed"]
+    odometry(base, 3.0, -2.0, {"w": 0.0})
+    odometry(base, 3.0, -2.0, {"w": nan})
+    assert base.state().pose == before
+    assert base.device.health().counters["malformed"] == counted + 2
+
+
+def test_somebody_who_sets_the_heading_of_its_odometry_alone_does_not_turn_it(base: Topics) -> None:
+    origin, before = base.robot.origin, base.state().pose
+    odometry(base, origin.x, origin.y, about_z(origin.heading + 2.0))
+    assert base.state().pose.heading == pytest.approx(before.heading, abs=1e-6)
+
+
+def test_the_frame_of_its_odometry_goes_without_the_slash_that_tf_refuses(base: Topics) -> None:
+    frames: list[str] = []
+    base.device._anchored = lambda _, frame: frames.append(frame)  # type: ignore[attr-defined]
+    odometry(base, 40.0, 7.0, about_z(0.0), "/tb4/odom")
+    odometry(base, 80.0, 7.0, about_z(0.0), "tb4/odom")
+    assert frames == ["tb4/odom", "tb4/odom"]
+
+
+@pytest.mark.parametrize(
+    ("shares", "percent"),
+    [
+        ((0.5,), 50.0),
+        ((55.0,), 55.0),
+        ((1.0,), 100.0),
+        ((3.0, 1.0, 0.8), 0.8),  # of hundred, as it has said before
+        ((nan,), 100.0),
+        ((inf,), 100.0),
+        ((-1.0,), 100.0),  # what some say who do not measure it
+    ],
+)
+def test_a_battery_is_a_share_or_percent_or_not_measured(
+    base: Topics, shares: tuple[float, ...], percent: float
+) -> None:
+    for share in shares:
+        told(base, "battery", percentage=share, voltage=14.0, present=True)
+        base.wait(0.1)
+    assert base.state().battery_percent == pytest.approx(percent, abs=1e-4)
+
+
+def test_a_battery_that_is_not_there_is_not_empty(base: Topics) -> None:
+    told(base, "battery", percentage=0.0, voltage=nan, present=False)
+    base.wait(0.1)
+    assert (base.state().battery_percent, base.state().battery_voltage) == (100.0, 0.0)
+
+
+@pytest.mark.parametrize("namespace", ["", "left_robot/", "centre/right/"])
+def test_the_side_of_a_contact_is_said_by_its_frame_and_not_by_the_name_of_the_robot(namespace: str) -> None:
+    class Hazard:
+        type = create3.BUMP
+
+        class header:  # noqa: N801 - as ROS has it
+            frame_id = f"{namespace}bump_right"
+
+    bumper, _, _ = create3.felt([Hazard()])
+    assert (bumper.left, bumper.centre, bumper.right) == (False, False, True)
+
+
+# --- joints ---------------------------------------------------------------------------------------------------------
+
+
+def test_joints_whose_speeds_are_not_measured_are_there() -> None:
+    site = Site(ManualClock())
+    keys = Ros2ArmKeys(joints={"elbow": Ros2JointKeys(joint="arm_2"), "wrist": Ros2JointKeys(joint="arm_3")})
+    arm = make_arm(keys, Site(site.clock, parts={"ros2": make_graph(ZenohKeys(domain=0), site)}))
+    for position in (0.1, 0.2):
+        values = {"name": ["arm_2", "arm_3"], "position": [position, nan], "velocity": [nan, nan], "effort": [nan, nan]}
+        arm.received(wire.frame(0, types().encode(STATE, values)))
+        site.clock.advance(0.1)  # type: ignore[attr-defined]
+    elbow, wrist = (arm.states()[name].value for name in ("elbow", "wrist"))
+    assert elbow is not None
+    assert elbow.position == pytest.approx(0.2)
+    assert elbow.velocity == pytest.approx(1.0)
+    assert wrist is None
+    arm.close()
+
+
+# --- cameras --------------------------------------------------------------------------------------------------------
+
+
+def raw(encoding: str, rows: np.ndarray[Any, Any], width: int, **given: object) -> Any:
+    values = {
+        "height": len(rows),
+        "width": width,
+        "encoding": encoding,
+        "step": rows.strides[0],
+        "data": rows.tobytes(),
+    }
+    return picture(IMAGES[0], types().encode(IMAGES[0], values | given))
+
+
+@pytest.mark.parametrize(
+    ("encoding", "first"),
+    [("bayer_rggb8", (0, 0)), ("bayer_bggr8", (1, 1)), ("bayer_gbrg8", (1, 0)), ("bayer_grbg8", (0, 1))],
+)
+def test_each_bayer_pattern_shows_red_as_red(encoding: str, first: tuple[int, int]) -> None:
+    rows = np.zeros((8, 8), np.uint8)
+    rows[first[0] :: 2, first[1] :: 2] = 200
+    blue, green, red = raw(encoding, rows, 8)[4, 4]
+    assert red > 150
+    assert max(blue, green) < 50
+
+
+@pytest.mark.parametrize("encoding", ["yuv422", "uyvy", "UYVY"])
+def test_uyvy_is_what_yuv422_means(encoding: str) -> None:
+    rows = np.tile(np.array([128, 220, 128, 220], np.uint8), (4, 3))
+    assert np.ptp(raw(encoding, rows, 6)) <= 2
+    assert raw(encoding, rows, 6).mean() > 200
+
+
+def test_nv21_has_its_colours_below() -> None:
+    rows = np.full((6, 4), 128, np.uint8)
+    rows[:4] = 220
+    assert raw("nv21", rows, 4, height=4).shape == (4, 4, 3)
+    assert raw("nv21", rows, 4, height=4).mean() > 200
+
+
+@pytest.mark.parametrize(("order", "big"), [("<u2", 0), (">u2", 1)])
+@pytest.mark.parametrize("encoding", ["mono16", "bgr16", "rgb16", "bayer_rggb16"])
+def test_sixteen_bits_are_seen_in_eight_whatever_comes_first(encoding: str, order: str, big: int) -> None:
+    rows = np.full((4, 12 if encoding in {"bgr16", "rgb16"} else 4), 200 * 256 + 7, order)
+    found = raw(encoding, rows, 4, is_bigendian=big)
+    assert found.shape == (4, 4, 3)
+    assert (found == 200).all()
+
+
+def test_depths_are_no_picture_and_rows_with_padding_are() -> None:
+    with pytest.raises(ValueError, match="16UC1"):
+        raw("16UC1", np.zeros((4, 4), "<u2"), 4)
+    padded = np.zeros((4, 16), np.uint8)
+    padded[:, :12] = 90
+    assert (raw("bgr8", padded, 4) == 90).all()
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png"])
+def test_a_compressed_picture_that_ends_early_is_none(suffix: str) -> None:
+    good = cv2.imencode(suffix, np.random.default_rng(1).integers(0, 255, (60, 80, 3), np.uint8))[1].tobytes()
+
+    def shown(data: bytes) -> Any:
+        return picture(IMAGES[1], types().encode(IMAGES[1], {"format": f"bgr8; {suffix} compressed", "data": data}))
+
+    assert shown(good).shape == (60, 80, 3)
+    assert shown(good + bytes(7)).shape == (60, 80, 3)
+    for data in (good[: len(good) // 2], good[:-40], b"", b"\xff\xd8", good[:30]):
+        with pytest.raises(ValueError, match="no picture"):
+            shown(data)
+
+
+def test_a_camera_whose_pictures_are_not_understood_says_why() -> None:
+    feed = TopicFeed(lambda _: None, "/depth")  # type: ignore[arg-type,return-value]
+    feed._port = Sent(types().encode(IMAGES[0], {"height": 1, "width": 1, "encoding": "32FC1", "step": 4}))  # type: ignore[assignment]
+    feed._kind = IMAGES[0]
+    assert feed.grab(lambda: True) is None
+    assert "'32FC1' is not understood" in feed.hint
+
+
+class Sent:
+    """A port on which one message comes, and then nothing more."""
+
+    def __init__(self, payload: bytes) -> None:
+        self._waiting = [wire.frame(0, payload)]
+
+    def arrived(self, _: float) -> bytes:
+        if not self._waiting:
+            raise OSError("the session has gone")
+        return self._waiting.pop()
