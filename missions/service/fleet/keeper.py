@@ -57,6 +57,8 @@ class Keeper:
     ) -> None:
         self._own, self._kept, self._roster, self._ask = own, kept, roster, ready
         self._now, self._wall, self._times = now, wall, times or Times()
+        self.copied: Callable[[], bool] = lambda: False
+        """Whether another robot has the same address: then it does not decide alone, and decides nothing."""
         self._begun = now()
         self._contact: dict[str, float] = {}
         self._sent: dict[str, float] = {}
@@ -92,6 +94,8 @@ class Keeper:
     def _keep(self, ask: Keep) -> Answer:
         if not TASK.fullmatch(ask.task) or not ask.task.startswith(f"{self._own}/"):
             return Answer(ok=False, why=f"'{ask.task}' is not the ID of a task that {self._own} keeps")
+        if self.copied():
+            return Answer(ok=False, why=f"another robot has the number {self._own.number} of this one")
         if not MISSION.fullmatch(ask.mission):
             return Answer(ok=False, why=f"'{ask.mission}' is no name of a mission in a library")
         if ask.where:
@@ -101,12 +105,10 @@ class Keeper:
                 return Answer(ok=False, why=str(error)[:300])
         if len(self._kept.tasks(ended=False)) >= MOST_TASKS:
             return Answer(ok=False, why=f"{MOST_TASKS} tasks wait already")
-        self._kept.add(
-            KeptTask(
-                id=ask.task, mission=ask.mission, params=ask.params, on=ask.on, where=ask.where, by=ask.by,
-                if_interrupted=ask.if_interrupted, retries=ask.retries, added=self._wall(),
-            )
-        )  # fmt: skip
+        wanted = {each.name: getattr(ask, each.name) for each in fields(ask) if each.name not in {"task", "by"}}
+        kept = self._kept.add(KeptTask(id=ask.task, by=ask.by, added=self._wall(), **wanted))
+        if any(getattr(kept, name) != value for name, value in wanted.items()):
+            return Answer(ok=False, why=f"{ask.task} is another task: {kept.mission} on {kept.on}")
         return Answer()
 
     def _report(self, ask: Report) -> Answer:
@@ -158,12 +160,14 @@ class Keeper:
         """See Worker."""
         while self._answers:
             self._heard(*self._answers.popleft(), now)
+        if self.copied():
+            return
         tasks = self._kept.tasks(ended=False)
         taken = {each.robot for each in tasks}
         members = self._roster.members()
         for task in tasks:
             if not task.robot:
-                if self._wall() >= task.not_before and (found := self._choose(task, members, taken, now)):
+                if task.due(self._wall()) and (found := self._choose(task, members, taken, now)):
                     taken.add(str(found))
                     changes = {"robot": str(found), "attempt": task.attempt + 1, "confirmed": False}
                     self._kept.change(task.id, changes)  # before it is sent: who has it is never unknown

@@ -50,6 +50,10 @@ class KeptTask:
         """Whether nothing more becomes of it."""
         return self.state in ("FINISHED", "FAILED")
 
+    def due(self, now: float) -> bool:
+        """Whether it need not wait any longer; a clock that was set back makes nothing wait for more than a pause."""
+        return not now < self.not_before <= now + PAUSE
+
 
 def after(task: KeptTask, how: How, reason: str, now: float) -> Mapping[str, object]:
     """Return what changes of a task whose attempt has ended so: the whole of its policy."""
@@ -76,11 +80,12 @@ class Kept:
     def __init__(self, connection: sqlite3.Connection) -> None:
         self._connection = connection
 
-    def add(self, task: KeptTask) -> None:
-        """Keep a task; one that is kept already stays as it is."""
+    def add(self, task: KeptTask) -> KeptTask:
+        """Keep a task; one that is kept already stays as it is. Return what is kept."""
         row = asdict(task) | {"params": json.dumps(dict(task.params))}
         names, marks = ", ".join(f'"{name}"' for name in row), ", ".join("?" * len(row))
         self._connection.execute(f"INSERT OR IGNORE INTO kept ({names}) VALUES ({marks})", list(row.values()))  # noqa: S608
+        return self.get(task.id) or task
 
     def get(self, number: str) -> KeptTask | None:
         """Return a task; None for one that is not kept here."""

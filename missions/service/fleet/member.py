@@ -14,7 +14,7 @@ from typing import Protocol, Self, TypeVar
 from behaviours.run import log
 from drivers.clock import Clock, SystemClock
 from missions.service.fleet.body import Body
-from missions.service.fleet.form import as_bytes
+from missions.service.fleet.form import MAX_INTEGER, MAX_TEXT_LENGTH, as_bytes
 from missions.service.fleet.latch import FleetLatch
 from missions.service.fleet.line import Line, Reply
 from missions.service.fleet.roster import Roster
@@ -101,7 +101,7 @@ class Member:
         )
         self._told_at = 0.0
         self._pressed = ("", Answer())
-        self._quiet_until = float("-inf")
+        self._quiet_until = self._copied_until = float("-inf")
         self._thread = Thread(target=self._serve, name="fleet", daemon=True)
 
     def __enter__(self) -> Self:
@@ -125,6 +125,11 @@ class Member:
     def wake(self) -> None:
         """Look soon at what is to be done. From any thread."""
         self._wake.set()
+
+    @property
+    def copied(self) -> bool:
+        """Whether another robot has this address, as after a card was copied: neither does or keeps tasks then."""
+        return self._clock.now() < self._copied_until
 
     # --- threads of the wire ----------------------------------------------------------------------------------------
 
@@ -173,6 +178,7 @@ class Member:
             ask, reply = self._waiting.popleft()
             answer = self._guarded(partial(self._answer, ask)) or Answer(ok=False, why="a fault of this robot's")
             self._guarded(partial(reply, answer))  # who asks may be gone
+        self._look_for_a_copy()
         for worker in self.workers:
             self._guarded(partial(worker.step, self._clock.now()))
         if self._clock.now() < self._quiet_until:
@@ -180,6 +186,15 @@ class Member:
         state = self._guarded(self._now) or self._state
         if _worth(self._state, state) or self._clock.now() - self._told_at > HEARTBEAT:
             self._tell(state)
+
+    def _look_for_a_copy(self) -> None:
+        there = self._roster.get(self._own.address)
+        if there is None or there.state is None or there.state.session == self._state.session or there.state.farewell:
+            return
+        if not self.copied:
+            what = "fleet: another robot has the number %s of this one: was its card copied? rm fleet_number at one"
+            log.error(what, self._own.address.number)
+        self._copied_until = self._clock.now() + 3 * HEARTBEAT
 
     @staticmethod
     def _guarded(work: Callable[[], T]) -> T | None:
@@ -219,17 +234,17 @@ class Member:
         seen, doing = self._body.look(), self.busy()
         return replace(
             self._state,
-            mission=seen.mission,
+            mission=_clean(seen.mission),
             task=doing.task,
             task_state=doing.state,
-            free=doing.free and not self._latch.stopped and not (seen.runs and not doing.task),
+            free=doing.free and not self._latch.stopped and not self.copied and not (seen.runs and not doing.task),
             stops=self._latch.number,
-            stopped=self._latch.by or seen.stopped,
-            battery=seen.battery,
-            x=seen.x,
-            y=seen.y,
-            heading=seen.heading,
-            age=seen.age,
+            stopped=_clean(self._latch.by or seen.stopped),
+            battery=_known(seen.battery),
+            x=_known(seen.x),
+            y=_known(seen.y),
+            heading=_known(seen.heading),
+            age=_known(seen.age),
         )
 
     def _tell(self, state: RobotState) -> None:
@@ -237,6 +252,17 @@ class Member:
         self._told_at = self._clock.now()
         with suppress(Exception):  # the wire is closed: who is not reached asks again
             self._line.tell(self._own.address, as_bytes(self._state))
+
+
+def _clean(text: str) -> str:
+    """Return a text as others read it."""
+    return "".join(each for each in text[:MAX_TEXT_LENGTH] if each.isprintable())
+
+
+def _known(value: object) -> float | None:
+    """Return a number that others read; what a run tells may be none."""
+    sound = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MAX_INTEGER
+    return value if sound else None  # type: ignore[return-value]
 
 
 def _worth(old: RobotState, new: RobotState) -> bool:

@@ -131,7 +131,10 @@ class Operator:
             pause.wait(0.01)
         self.meet()
         gone = [each.address for each in self.members().values() if each.connection != "OFFLINE"]
-        return dict(answers), [*sorted(str(each) for each in gone if each not in answers), *self.missing()]
+        lost = sorted(str(each) for each in gone if each not in answers)
+        # Of two that have one address, one may have answered for both.
+        copied = sorted(f"{each}, a number that two robots have" for each in answers if self.roster.twofold(each))
+        return dict(answers), [*lost, *copied, *self.missing()]
 
     def release(self, names: Collection[str], by: str = "", *, resume: bool) -> Mapping[Address, Answer]:
         """Release the last stop of those that are there, or that are named so; return what each says."""

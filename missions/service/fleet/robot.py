@@ -40,9 +40,10 @@ def employ(
     times = times or Times()
     errands = Errands(
         own, queue, body, _asking(line, member, times), clock.now, wall_clock,
-        held=lambda: latch.stopped, robot=robot, options=tuple(options), times=times, knows=knows,
+        held=lambda: latch.stopped or member.copied, robot=robot, options=tuple(options), times=times, knows=knows,
     )  # fmt: skip
     keeper = Keeper(own, kept, roster, _asking(line, member, times), clock.now, wall_clock, times)
+    keeper.copied = lambda: member.copied
     member.workers += [errands, keeper]
     member.busy = errands.doing
 

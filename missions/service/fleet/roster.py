@@ -12,6 +12,10 @@ MOST_ROBOTS = 4096
 """Robots that are kept in mind; of more, those that have gone are forgotten first, and further ones not let in."""
 
 
+TWOFOLD = 15.0
+"""Seconds for which two robots of one address are remembered as such."""
+
+
 @dataclass(frozen=True, slots=True)
 class Member:
     """A robot of the fleet: how it is connected, for how many seconds of the roster's clock, and what it told last."""
@@ -36,6 +40,8 @@ class Roster:
     def __init__(self, clock: Clock) -> None:
         self._clock, self._lock = clock, Lock()
         self._members: dict[Address, Member] = {}
+        self._former: dict[Address, str] = {}
+        self._twofold: dict[Address, float] = {}
         self.version = 0
 
     def members(self) -> Mapping[Address, Member]:
@@ -46,6 +52,10 @@ class Roster:
     def get(self, address: Address) -> Member | None:
         """Return one; None for one that was never met."""
         return self._members.get(address)
+
+    def twofold(self, address: Address) -> bool:
+        """Whether two robots tell of themselves under one address by turns, as after a card was copied."""
+        return self._clock.now() < self._twofold.get(address, 0.0)
 
     def token(self, key: str, *, alive: bool) -> None:
         """A robot has come, or has gone."""
@@ -77,6 +87,10 @@ class Roster:
                 # Its token is still on its way, or comes anew: who speaks is there.
                 self._put(Member(address, "ONLINE", self._clock.now(), state))
             elif before is None or before.session != state.session or before.number < state.number:
+                if before is not None and before.session != state.session:
+                    if self._former.get(address) == state.session:  # which was there before the other
+                        self._twofold[address] = self._clock.now() + TWOFOLD
+                    self._former[address] = before.session
                 self._put(Member(address, known.connection, known.since, state))
 
     def heard_of(self, address: Address, connection: Connection) -> None:
@@ -91,5 +105,7 @@ class Roster:
             if gone is None:
                 return
             del self._members[gone]
+            self._former.pop(gone, None)
+            self._twofold.pop(gone, None)
         self._members[member.address] = member
         self.version += 1

@@ -5,17 +5,21 @@ import ssl
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, suppress
 from dataclasses import replace
+from math import inf, nan
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from config.faults import InvalidFileError
 from config.fleet import FleetKeys, load_fleet
-from drivers.clock import SystemClock
+from drivers.clock import ManualClock, SystemClock
 from missions.service.fleet.body import Telemetry
-from missions.service.fleet.latch import FILE
-from missions.service.fleet.line import ZenohLine
+from missions.service.fleet.form import read
+from missions.service.fleet.latch import FILE, FleetLatch
+from missions.service.fleet.line import Line, ZenohLine
+from missions.service.fleet.member import Member, Own
 from missions.service.fleet.operator import Operator
 from missions.service.fleet.place import open_session
 from missions.service.fleet.roster import Roster
@@ -114,6 +118,46 @@ def test_a_file_of_the_stop_that_cannot_be_read_is_a_stop(fleet: FleetKeys, tmp_
     with at(fleet) as operator, member(fleet, "anna", tmp_path, CountingBody()):
         operator.meet()
         assert "cannot be read" in state(operator, ANNA).stopped
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        Telemetry(battery=nan), Telemetry(x=inf, y=-inf, heading=nan), Telemetry(x=1e300, age=nan),
+        Telemetry(mission="gr\u00fc\u00df\x1b[2J\n\u200d"), Telemetry(stopped="x" * 5000),
+        Telemetry(x=cast("float", "1"), battery=True),
+    ],
+)  # fmt: skip
+def test_a_robot_whose_run_tells_nonsense_is_seen_without_it(odd: Telemetry, tmp_path: Path) -> None:
+    body, told = CountingBody(), list[bytes]()
+    body.telemetry = odd
+    line = SimpleNamespace(tell=lambda _, state: told.append(state), announce=lambda *_: None, close=lambda: None)
+    clock = ManualClock()
+    robot = Member(Own(ANNA, "kobuki"), cast("Line", line), Roster(clock), body, FleetLatch(tmp_path), clock=clock)
+    robot.turn()
+    seen = read(RobotState, told[0])
+    assert (seen.battery, seen.x, seen.age) == (None, None, None)
+    assert seen.mission in {"", "gr\u00fc\u00df[2J"}
+
+
+@pytest.mark.real_time
+def test_two_robots_with_one_number_as_of_a_copied_card_take_no_task_and_are_told_of(
+    fleet: FleetKeys, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with (
+        at(fleet) as operator,
+        member(fleet, "anna", tmp_path / "one", CountingBody()) as one,
+        member(fleet, "anna", tmp_path / "two", CountingBody()) as two,
+    ):
+        wait_until(lambda: one.copied and two.copied)
+        wait_until(lambda: operator.members()[ANNA].state is not None and not state(operator, ANNA).free)
+        assert "another robot has the number 0000000a" in caplog.text
+        one.turn()
+        two._tell(two._state)
+        one._tell(one._state)
+        wait_until(lambda: operator.roster.twofold(ANNA))
+        _, silent = operator.stop()
+        assert silent == [f"{ANNA}, a number that two robots have"]
 
 
 @pytest.mark.real_time

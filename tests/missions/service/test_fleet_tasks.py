@@ -88,6 +88,8 @@ class Fleet:
     clock: ManualClock = field(default_factory=lambda: ManualClock(1000.0))
     robots: dict[Address, Robot] = field(default_factory=dict)
     number: int = 0
+    ahead: float = 0.0
+    """Seconds by which the desk's wall clock is ahead."""
 
     def __post_init__(self) -> None:
         self.roster = Roster(self.clock)
@@ -95,7 +97,10 @@ class Fleet:
 
     def start_desk(self) -> None:
         self.kept = Kept(self.closed.enter_context(closing(open_db(queue_file(self.folder / "desk")))))
-        self.keeper = Keeper(DESK, self.kept, self.roster, partial_ask(self, None), self.now, self.now, TIMES)
+        self.keeper = Keeper(DESK, self.kept, self.roster, partial_ask(self, None), self.now, self.wall, TIMES)
+
+    def wall(self) -> float:
+        return self.now() + self.ahead
 
     def now(self) -> float:
         return self.clock.now()
@@ -312,6 +317,43 @@ def test_a_failure_is_tried_again_as_often_as_was_wished(fleet: Fleet) -> None:
         anna.end("failure")
         fleet.turn()
     assert (fleet.task.state, fleet.task.failures) == ("FAILED", 2)
+
+
+def test_a_keeper_whose_clock_is_set_back_by_hours_does_not_let_a_task_wait_for_hours(fleet: Fleet) -> None:
+    anna = fleet.robot("anna", "0000000a")
+    fleet.keep(retries=1)
+    fleet.ahead = 7200.0
+    fleet.turn()
+    assert anna.begin()
+    anna.end("failure")
+    fleet.turn()
+    fleet.ahead = 0.0
+    fleet.turn(8.0)
+    assert anna.begin()
+
+
+def test_an_id_that_another_task_has_is_refused(fleet: Fleet) -> None:
+    fleet.keep(by="me", params={"text": "hello"})
+    assert fleet.keep(by="me again", params={"text": "hello"}).ok
+    for other in ({}, {"params": {"text": "bye"}}, {"params": {"text": "hello"}, "on": "bob"}):
+        answer = fleet.keep(**other)
+        assert not answer.ok
+        assert f"{TASK} is another task: greet" in answer.why
+    assert fleet.task.params == {"text": "hello"}
+
+
+def test_a_keeper_whose_number_another_robot_has_too_keeps_nothing_and_gives_nothing_away(fleet: Fleet) -> None:
+    anna = fleet.robot("anna", "0000000a")
+    fleet.keep()
+    fleet.keeper.copied = lambda: True
+    fleet.turn(3.0)
+    assert not anna.queue.tasks()
+    answer = fleet.keeper.asked(Keep(task=f"{DESK}/00000000000c", mission="greet"))
+    assert answer is not None
+    assert "another robot has the number" in answer.why
+    fleet.keeper.copied = lambda: False
+    fleet.turn(3.0)
+    assert anna.begin()
 
 
 def test_a_keeper_that_was_killed_goes_on_with_what_it_kept(fleet: Fleet) -> None:
