@@ -178,8 +178,8 @@ class Leaf(Stopping):
                 status = self._enter_and_update()
         except BaseException as error:  # a leaf that raises has failed, whatever it raised; the tree goes on
             status = self._gone_wrong(error)
-        known = status is RUNNING or status is SUCCESS or status is FAILURE
-        if not known or type(self.feedback_message) is not str:
+        unknown = status is not SUCCESS and status is not FAILURE and status is not RUNNING
+        if unknown or type(self.feedback_message) is not str:
             status = self._mended(status)
         if run.overheld is not None and run.overheld[:2] == (self, run.tick):
             status = self._overstayed(run.wall.now() - run.overheld[2])
@@ -188,7 +188,7 @@ class Leaf(Stopping):
                 self._since = run.now()
         elif self._leaf_stage != AT_REST:
             self._leaf_stage = AT_REST
-            if self._finishes or status is FAILURE:
+            if self._finishes or (self._prepares and status is FAILURE):
                 self._terminate(status)
         if self.keep_as is not None and (status is SUCCESS or (status is RUNNING and self.result is not None)):
             self._keep(self.keep_as)
