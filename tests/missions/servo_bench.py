@@ -5,10 +5,13 @@ from contextlib import contextmanager
 from math import radians
 from pathlib import Path
 
+import pytest
+
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
+from missions.cli.servo.bench import pause
 
 FILE = """\
 # Written by hand.
@@ -26,27 +29,45 @@ arm:
 """
 
 
+def patient(patch: pytest.MonkeyPatch) -> PatientClock:
+    """Return a clock for virtual servos, which ``mission servo`` has too: it misses none of their replies."""
+    clock = PatientClock()
+    patch.setattr("missions.cli.servo.bench.SystemClock", lambda: clock)
+    for constant in ("missions.cli.servo.bench.REPLY_TIMEOUT", "drivers.dynamixel.make.REPLY_TIMEOUT"):
+        patch.setattr(constant, 0.1)  # it may be twice that a servo is held up
+    return clock
+
+
+def by_hand(patch: pytest.MonkeyPatch, clock: PatientClock, steps: Iterator[object]) -> None:
+    """Have a hand take one of ``steps`` before each look of a command that watches; time waits until the last."""
+
+    def looking() -> None:
+        clock.attend(steps)
+        if next(steps, clock) is clock:
+            clock.dismiss(steps)
+        pause()
+
+    patch.setattr("missions.cli.servo.until.pause", looking)
+
+
 class Three:
-    """The robot: ``waist`` and ``elbow`` are AX-12A, ``wrist`` is an XL430.
+    """The robot: ``waist`` and ``elbow`` are AX-12A, ``wrist`` is an XL430."""
 
-    On ``clock`` no time passes while they are held up: a command that has it misses none of their replies.
-    """
-
-    def __init__(self, path: Path, *, at_end: str = "relax") -> None:
+    def __init__(self, path: Path, clock: PatientClock, *, at_end: str = "relax") -> None:
         self.waist = VirtualServo(1)
         self.elbow = VirtualServo(2, angle=radians(10))
         self.wrist = VirtualServo(3, model="XL430-W250")
         self.bus = VirtualServoBus([self.waist, self.elbow, self.wrist], 1_000_000)
-        self.clock = PatientClock()
+        self.clock = clock
         self.terminal = Terminal("servos", self.bus, self.clock)
         self.path = path
         path.write_text(FILE.replace("PORT", self.terminal.path).replace("AT_END", at_end))
 
 
 @contextmanager
-def three(path: Path, *, at_end: str = "relax") -> Iterator[Three]:
+def three(path: Path, clock: PatientClock, *, at_end: str = "relax") -> Iterator[Three]:
     """Write the robot file to ``path``, and run its servos meanwhile."""
-    robot = Three(path, at_end=at_end)
+    robot = Three(path, clock, at_end=at_end)
     robot.terminal.open()
     try:
         yield robot

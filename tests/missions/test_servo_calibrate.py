@@ -1,10 +1,8 @@
 """``mission servo calibrate`` and ``import``: what was found out, or read elsewhere, stands in the robot file."""
 
 from collections.abc import Callable, Iterator
-from functools import partial
 from math import degrees, radians
 from pathlib import Path
-from threading import Thread
 
 import pytest
 
@@ -15,8 +13,7 @@ from drivers.virtual.servo import VirtualServo
 from missions.cli.servo.ranges import Range, keep_ranges
 from missions.library.drivers import load_robot
 from tests.missions.command import Outcome, command
-from tests.missions.servo_bench import Three, three
-from tests.waiting import wait_until
+from tests.missions.servo_bench import Three, by_hand, patient, three
 
 Mission = Callable[[str], Outcome]
 
@@ -32,9 +29,7 @@ def mission(capsys: pytest.CaptureFixture[str]) -> Mission:
 @pytest.fixture
 def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Three]:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("missions.cli.servo.bench.REPLY_TIMEOUT", 0.1)
-    with three(Path("three.yaml")) as found:
-        monkeypatch.setattr("missions.cli.servo.bench.SystemClock", lambda: found.clock)
+    with three(Path("three.yaml"), patient(monkeypatch)) as found:
         yield found
 
 
@@ -45,32 +40,21 @@ def limits(path: Path, joint: str) -> tuple[float, float]:
     return degrees(arm.joints[joint].lower), degrees(arm.joints[joint].upper)
 
 
-def turned(servo: VirtualServo, angles: tuple[float, ...]) -> Thread:
-    """Turn a servo by hand to these angles (degrees from its middle), one after the other, once it is limp."""
-
-    def turn() -> None:
-        wait_until(lambda: servo.limp)
-        for angle in angles:
-            servo.turn_by_hand(radians(angle))
-            looked_at = servo.shaft.stamp + 0.15
-            wait_until(partial(_passed, servo, looked_at))
-
-    thread = Thread(target=turn)
-    thread.start()
-    return thread
+def turned(servo: VirtualServo, *angles: float) -> Iterator[None]:
+    """Turn a servo by hand to these angles (degrees from its middle), one after the other."""
+    assert servo.limp
+    for angle in angles:
+        servo.turn_by_hand(radians(angle))
+        yield
 
 
-def _passed(servo: VirtualServo, time: float) -> bool:
-    return servo.shaft.stamp > time
-
-
-@pytest.mark.real_time
-def test_the_limits_are_those_that_the_hand_has_found_less_a_margin(robot: Three, mission: Mission) -> None:
+def test_the_limits_are_those_that_the_hand_has_found_less_a_margin(
+    robot: Three, mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
     before = robot.path.read_text()
     robot.elbow.set("torque_enable", 1)
-    hand = turned(robot.elbow, (-60.0, 50.0, 0.0))
-    outcome = mission("servo calibrate --robot three.yaml elbow waist --seconds 3")
-    hand.join()
+    by_hand(monkeypatch, robot.clock, turned(robot.elbow, -60.0, 50.0, 0.0))
+    outcome = mission("servo calibrate --robot three.yaml elbow waist --seconds 0.3")
     assert outcome.code == 0, outcome.err
     # Zero is at 10 deg of the servo, and the joint is reversed: -60..50 deg is -40..70 deg; 2 deg less at either end.
     assert limits(robot.path, "elbow") == pytest.approx((-38.0, 68.0), abs=2 * TICK)
@@ -83,12 +67,12 @@ def test_the_limits_are_those_that_the_hand_has_found_less_a_margin(robot: Three
     assert robot.elbow.limp
 
 
-@pytest.mark.real_time
-def test_where_the_arm_stands_at_first_may_become_its_zero(robot: Three, mission: Mission) -> None:
+def test_where_the_arm_stands_at_first_may_become_its_zero(
+    robot: Three, mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
     robot.waist.turn_by_hand(radians(20))
-    hand = turned(robot.waist, (20.0, 80.0, -40.0))
-    outcome = mission("servo calibrate --robot three.yaml waist --zero --margin 0 --seconds 3")
-    hand.join()
+    by_hand(monkeypatch, robot.clock, turned(robot.waist, 20.0, 80.0, -40.0))
+    outcome = mission("servo calibrate --robot three.yaml waist --zero --margin 0 --seconds 0.3")
     assert outcome.code == 0, outcome.err
     arm = load_robot(robot.path).keys(DynamixelKeys)
     assert arm is not None

@@ -8,8 +8,6 @@ from tests.missions.command import Outcome, command
 
 Mission = Callable[[str], Outcome]
 
-pytestmark = pytest.mark.real_time
-
 
 @pytest.fixture
 def mission(capsys: pytest.CaptureFixture[str]) -> Mission:

@@ -5,27 +5,26 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from importlib.util import find_spec
 from math import radians
 from pathlib import Path
-from threading import Thread
 
 import pytest
 
-from drivers.clock import SystemClock
+from drivers.clock import Clock
 from drivers.dynamixel.bus import At, Bus
 from drivers.dynamixel.joint import Joint, JointSpec
 from drivers.dynamixel.models import MODELS
 from drivers.feetech.calibration import HALF_TURN
 from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
 from missions.cli.servo.home import Homed, offset_for
 from tests.cases import each
 from tests.drivers.wired import Wired
 from tests.missions.command import Outcome, command
-from tests.waiting import wait_until
+from tests.missions.servo_bench import by_hand, patient
 
 Mission = Callable[[str], Outcome]
 STS = MODELS["STS3215"]
@@ -49,19 +48,23 @@ def mission(capsys: pytest.CaptureFixture[str]) -> Mission:
 
 
 @pytest.fixture
-def servos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[VirtualServoBus]:
+def clock(monkeypatch: pytest.MonkeyPatch) -> PatientClock:
+    return patient(monkeypatch)
+
+
+@pytest.fixture
+def servos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, clock: PatientClock) -> Iterator[VirtualServoBus]:
     """Two servos with their robot file in the folder of the test."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("missions.cli.servo.bench.REPLY_TIMEOUT", 0.1)
     servos = VirtualServoBus([VirtualServo(1, model="STS3215", angle=1.0), VirtualServo(2, model="STS3215")])
-    with running(servos) as port:
+    with running(servos, clock) as port:
         Path("two.yaml").write_text(FILE.replace("PORT", port))
         yield servos
 
 
 @contextmanager
-def running(servos: VirtualServoBus) -> Iterator[str]:
-    terminal = Terminal("servos", servos, SystemClock())
+def running(servos: VirtualServoBus, clock: Clock) -> Iterator[str]:
+    terminal = Terminal("servos", servos, clock)
     terminal.open()
     try:
         yield terminal.path
@@ -69,35 +72,24 @@ def running(servos: VirtualServoBus) -> Iterator[str]:
         terminal.close()
 
 
-def turned(servos: VirtualServoBus, *angles: float) -> Thread:
+def turned(servos: VirtualServoBus, *angles: float) -> Iterator[None]:
     """Turn all servos by hand to these angles from where they stood (degrees), one after the other."""
+    assert all(servo.limp for servo in servos.servos)
     stood = [servo.angle for servo in servos.servos]
-
-    def turn() -> None:
-        wait_until(lambda: all(servo.limp for servo in servos.servos))
-        for angle in (0.0, *angles):
-            for servo, place in zip(servos.servos, stood, strict=True):
-                servo.turn_by_hand(place + radians(angle))
-            wait_until(partial(_passed, servos, servos.servos[1].shaft.stamp + 0.15))
-
-    thread = Thread(target=turn)
-    thread.start()
-    return thread
-
-
-def _passed(servos: VirtualServoBus, time: float) -> bool:
-    return all(servo.shaft.stamp > time for servo in servos.servos)
+    for angle in angles:
+        for servo, place in zip(servos.servos, stood, strict=True):
+            servo.turn_by_hand(place + radians(angle))
+        yield
 
 
 @pytest.mark.real_time
 def test_middles_ranges_and_offsets_go_into_the_servos_and_into_a_file_that_can_be_restored(
-    servos: VirtualServoBus, mission: Mission
+    servos: VirtualServoBus, clock: PatientClock, mission: Mission, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     elbow, jaw = servos.servos
     elbow.set("torque_enable", 1)
-    hand = turned(servos, -60.0, 50.0, 0.0)
-    outcome = mission("servo home --robot two.yaml --into two.json --seconds 3 --yes")
-    hand.join()
+    by_hand(monkeypatch, clock, turned(servos, -60.0, 50.0, 0.0))
+    outcome = mission("servo home --robot two.yaml --into two.json --seconds 0.3 --yes")
     assert outcome.code == 0, outcome.err
     told = json.loads(Path("two.json").read_text())
     low, high = (HALF_TURN + round(radians(angle) / STS.tick) for angle in (-58.0, 48.0))
@@ -131,7 +123,6 @@ def test_middles_ranges_and_offsets_go_into_the_servos_and_into_a_file_that_can_
     assert "mission servo home --robot two.yaml" in mission("servo calibrate --robot two.yaml --seconds 1").err
 
 
-@pytest.mark.real_time
 def test_what_was_hardly_turned_is_not_written(servos: VirtualServoBus, mission: Mission) -> None:
     outcome = mission("servo home --robot two.yaml --into two.json --seconds 0.3 --yes")
     assert outcome.code == 1

@@ -9,12 +9,12 @@ import click
 import pytest
 
 from drivers.api import Coupling, JointLimits
-from drivers.clock import SystemClock
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
 from missions.cli.servo.mirror import coupled
 from tests.missions.command import Outcome, command
+from tests.missions.servo_bench import patient
 from tests.waiting import wait_until
 
 Mission = Callable[[str], Outcome]
@@ -40,12 +40,11 @@ def mission(capsys: pytest.CaptureFixture[str]) -> Mission:
 def arms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[VirtualServoBus, VirtualServoBus]]:
     """A leader and a follower on ports, with their files in the folder of the test."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("drivers.dynamixel.make.REPLY_TIMEOUT", 0.1)
-    chains = []
+    clock, chains = patient(monkeypatch), []
     with ExitStack() as closings:
         for name, end, reach in (("leader", "relax", "40"), ("follower", "hold", "80")):
             servos = VirtualServoBus([VirtualServo(number, model="STS3215") for number in (1, 2)])
-            terminal = Terminal(name, servos, SystemClock())
+            terminal = Terminal(name, servos, clock)
             terminal.open()
             closings.callback(terminal.close)
             told = FILE.replace("NAME", name).replace("PORT", terminal.path).replace("END", end)

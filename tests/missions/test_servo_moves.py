@@ -6,7 +6,6 @@ import signal
 from collections.abc import Callable, Iterator
 from math import degrees, radians
 from pathlib import Path
-from threading import Thread
 
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -15,9 +14,8 @@ from matplotlib.figure import Figure
 from config.gesture import load_gesture
 from drivers.ports import open_port
 from tests.missions.command import Outcome, Process, command
-from tests.missions.servo_bench import Three, three
+from tests.missions.servo_bench import Three, by_hand, patient, three
 from tests.waiting import wait_until
-from tests.waiting import wait_until as wait_for
 
 Mission = Callable[[str], Outcome]
 
@@ -42,9 +40,8 @@ def fonts() -> None:
 @pytest.fixture
 def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Three]:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("drivers.dynamixel.make.REPLY_TIMEOUT", 0.1)  # driver and servos share one interpreter here
     (tmp_path / "nod.yaml").write_text(NOD)
-    with three(Path("three.yaml")) as found:
+    with three(Path("three.yaml"), patient(monkeypatch)) as found:
         yield found
 
 
@@ -57,7 +54,6 @@ def mission(capsys: pytest.CaptureFixture[str]) -> Mission:
 # Play
 
 
-@pytest.mark.real_time
 def test_a_gesture_is_played_and_how_well_it_was_followed_is_told(robot: Three, mission: Mission) -> None:
     outcome = mission("servo play nod.yaml --robot three.yaml --csv nod.csv --plot nod.svg")
     assert outcome.code == 0, outcome.err + outcome.out
@@ -87,7 +83,6 @@ def test_a_dry_run_says_what_would_be_sent_and_opens_nothing(robot: Three, missi
     assert Path("nod.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.real_time
 def test_a_spreadsheet_is_played_as_it_is(robot: Three, mission: Mission) -> None:
     rows = "".join(f"{index / 25:.2f},{0.2 * min(index, 50 - index) / 25:.4f}\n" for index in range(51))
     Path("sheet.csv").write_text("time,waist\n" + rows)
@@ -113,7 +108,6 @@ def test_what_cannot_be_played_is_said_before_anything_moves(line: str, words: s
     assert (outcome.code, words in outcome.err) == (2, True), outcome.err
 
 
-@pytest.mark.real_time
 def test_a_joint_that_does_not_follow_fails_the_play_and_its_error_is_told(robot: Three, mission: Mission) -> None:
     Path("up.yaml").write_text(NOD.replace("elbow: 0 deg", "elbow: 20 deg"))
     robot.elbow.burden = 2.0
@@ -133,7 +127,7 @@ def test_ctrl_c_leaves_the_arm_at_rest_and_the_port_free(robot: Three, words: st
     limp = words.startswith("record")
     robot.elbow.set("torque_enable", limp)
     process = Process("servo", *words.split(), "--robot", "three.yaml", folder=Path.cwd())
-    wait_for(lambda: robot.elbow.limp == limp)
+    wait_until(lambda: robot.elbow.limp == limp)
     assert process.end(signal.SIGINT) == 130
     errors = "".join(process.errors + process.lines)  # a busy machine may miss replies: then that is told
     assert [number for number in (1, 2, 3) if robot.bus.servo(number).limp and f"(servo {number})" not in errors] == []
@@ -143,27 +137,27 @@ def test_ctrl_c_leaves_the_arm_at_rest_and_the_port_free(robot: Three, words: st
 # Record
 
 
-def moving(robot: Three) -> Thread:
-    """Turn the elbow by hand, to and fro once it is limp, as evenly as a hand does."""
-
-    def turn() -> None:
-        wait_for(lambda: robot.elbow.limp)
-        for step in [*range(41), *range(40, -1, -1)]:
-            robot.elbow.turn_by_hand(radians(10 - step))
-            seen = robot.elbow.shaft.stamp
-            wait_for(lambda: robot.elbow.shaft.stamp > seen + 0.015)  # noqa: B023 - it waits in the same turn
-
-    thread = Thread(target=turn)
-    thread.start()
-    return thread
+def moving(robot: Three) -> Iterator[None]:
+    """Turn the elbow by hand, to and fro once it is limp."""
+    while not robot.elbow.limp:
+        yield
+    for step in [*range(41), *[40] * 5, *range(40, -1, -1)]:
+        robot.elbow.turn_by_hand(radians(10 - step))
+        yield
 
 
-@pytest.mark.real_time
-def test_what_a_hand_shows_is_written_and_can_be_played(robot: Three, mission: Mission) -> None:
+def pulling(robot: Three) -> Iterator[None]:
+    """Pull the plug while it is looked."""
+    yield from range(10)
+    robot.terminal.unplug()
+
+
+def test_what_a_hand_shows_is_written_and_can_be_played(
+    robot: Three, mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
     robot.elbow.set("torque_enable", 1)
-    hand = moving(robot)
+    by_hand(monkeypatch, robot.clock, moving(robot))
     outcome = mission("servo record lift --robot three.yaml --joint elbow --seconds 4")
-    hand.join()
     assert outcome.code == 0, outcome.err
     gesture = load_gesture(Path("lift.yaml"))
     assert (gesture.name, gesture.interpolation) == ("lift", "cubic")
@@ -181,7 +175,6 @@ def test_a_recording_takes_no_name_that_ships(mission: Mission) -> None:
     assert (outcome.code, "choose another name" in outcome.err) == (2, True)
 
 
-@pytest.mark.real_time
 def test_where_nothing_moved_nothing_is_written(robot: Three, mission: Mission) -> None:
     outcome = mission("servo record still --robot three.yaml --seconds 0.5")
     assert outcome.code == 3
@@ -190,16 +183,11 @@ def test_where_nothing_moved_nothing_is_written(robot: Three, mission: Mission) 
     assert all(each.limp for each in robot.bus.servos)
 
 
-@pytest.mark.real_time
-def test_an_arm_that_is_unplugged_ends_the_recording_with_a_word(robot: Three, mission: Mission) -> None:
-    def pull() -> None:
-        wait_for(lambda: robot.elbow.shaft.stamp > 1.0)
-        robot.terminal.unplug()
-
-    hand = Thread(target=pull)
-    hand.start()
+def test_an_arm_that_is_unplugged_ends_the_recording_with_a_word(
+    robot: Three, mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    by_hand(monkeypatch, robot.clock, pulling(robot))
     outcome = mission("servo record lost --robot three.yaml --seconds 30")
-    hand.join()
     assert outcome.code == 3
     assert "no reading for" in outcome.err
     assert not Path("lost.yaml").exists()

@@ -11,7 +11,7 @@ import pytest
 from drivers.dynamixel.units import baud_code
 from drivers.ports import open_port
 from tests.missions.command import Outcome, Process, command
-from tests.missions.servo_bench import Three, three
+from tests.missions.servo_bench import Three, patient, three
 from tests.waiting import wait_until
 
 Servo = Callable[..., Outcome]
@@ -23,11 +23,7 @@ IDS = ("--ids", "1-4")
 @pytest.fixture
 def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Three]:
     monkeypatch.chdir(tmp_path)
-    # Driver and servos share one interpreter here: a reply takes longer than on a wire.
-    for constant in ("missions.cli.servo.bench.REPLY_TIMEOUT", "drivers.dynamixel.make.REPLY_TIMEOUT"):
-        monkeypatch.setattr(constant, 0.1)
-    with three(Path("three.yaml")) as found:
-        monkeypatch.setattr("missions.cli.servo.bench.SystemClock", lambda: found.clock)
+    with three(Path("three.yaml"), patient(monkeypatch)) as found:
         yield found
 
 
@@ -350,7 +346,6 @@ def test_a_port_that_is_not_there_says_what_to_type(capsys: pytest.CaptureFixtur
     assert "try: ls -l /dev/serial/by-id" in outcome.err
 
 
-@pytest.mark.real_time
 def test_without_a_robot_all_is_simulated(capsys: pytest.CaptureFixture[str]) -> None:
     outcome = command(capsys, "servo", "monitor", "--once", "elbow", "gripper")
     assert [line.split()[0] for line in outcome.out.splitlines()] == ["joint", "elbow", "gripper"]
@@ -358,14 +353,12 @@ def test_without_a_robot_all_is_simulated(capsys: pytest.CaptureFixture[str]) ->
 
 
 @pytest.mark.parametrize("line", ["recover", "move elbow 5 deg", "info elbow", "set all return_delay 250"])
-@pytest.mark.real_time
 def test_what_is_done_to_simulated_servos_is_said_to_be(line: str, capsys: pytest.CaptureFixture[str]) -> None:
     outcome = command(capsys, "servo", *line.split())
     assert outcome.code == 0, outcome.err
     assert "simulated servos; name --robot or --port for real ones\n" in outcome.err
 
 
-@pytest.mark.real_time
 def test_what_is_done_to_real_servos_is_not_called_simulated(servo: Servo) -> None:
     assert servo("monitor", "--once").err == ""
     assert servo("monitor", "--once", "--simulate").err == "simulated servos, as --simulate asks\n"

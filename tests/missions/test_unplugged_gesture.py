@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from drivers.virtual.patient_clock import PatientClock
 from tests.missions.command import Process, events_of
 from tests.missions.servo_bench import Three, three
 from tests.waiting import wait_until
@@ -66,7 +67,7 @@ class Lifting:
 @pytest.fixture
 def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Three]:
     monkeypatch.chdir(tmp_path)
-    with three(Path("three.yaml")) as found:
+    with three(Path("three.yaml"), PatientClock()) as found:
         yield found
 
 

@@ -24,6 +24,7 @@ from drivers.dynamixel.make import joints as specs
 from drivers.dynamixel.models import MODELS, Model, model_of
 from drivers.dynamixel.units import Framing
 from drivers.errors import DeviceFault, NoReply, NotConnected
+from drivers.virtual.patient_clock import PatientClock
 from missions.assembly.assemble import assemble
 from missions.assembly.assembled import CONNECT_TIME, REMARK_TIME
 from missions.assembly.simulation import Simulation
@@ -121,7 +122,7 @@ def opened_bus(
     ``patience`` is how long (s) a virtual servo may take, ``framing`` whose packet code is used: else what the robot
     file says. Raises NotConnected.
     """
-    clock = SystemClock()
+    clock = PatientClock() if target.virtual else SystemClock()
     with ExitStack() as closings:
         closings.enter_context(interruptible())
         joints: Mapping[str, Joint] = {}
@@ -172,9 +173,9 @@ def opened_arms(*targets: Target) -> Iterator[list[Arm]]:
     """Open the arms of several robots as ``opened_arm`` does; all are closed at the end, the last one first."""
     for target in targets:
         target.require_joints()
-    configs, clock = [target.config() for target in targets], SystemClock()
+    configs, virtual = [target.config() for target in targets], targets[-1].virtual
+    clock = PatientClock() if virtual else SystemClock()
     arms = [config.sections[target.arm].keys for config, target in zip(configs, targets, strict=True)]
-    virtual = targets[-1].virtual
     audience = Hooks(tell, ignore, click.echo, ignore, ignore)
     robots = []
     for config, target in zip(configs, targets, strict=True):
