@@ -1,20 +1,18 @@
-"""What check-ups find: of recorded machines, of virtual devices on pseudo-terminals, and of pictures."""
+"""What check-ups find: of recorded machines, of virtual devices, and of pictures."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import closing
+from collections.abc import Mapping
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
-from drivers.api import Health, Image
+from drivers.api import CameraFrame, Health, Image
 from drivers.api.driver import Site
 from drivers.api.findings import Finding
 from drivers.api.senses import CameraKeys
 from drivers.api.sensors import Sound
 from drivers.camera.checkup import checkup as look_through
-from drivers.clock import ManualClock, SystemClock
+from drivers.clock import ManualClock
 from drivers.dynamixel.checkup import checkup as examine
 from drivers.dynamixel.declared import DynamixelKeys, JointKeys
 from drivers.finding.fitness import CPU, THROTTLED, fitness
@@ -27,11 +25,13 @@ from drivers.microphone.checkup import listened
 from drivers.rplidar.checkup import checkup as scan_at_rest
 from drivers.rplidar.declared import RPLidarKeys
 from drivers.rplidar.wire import Condition, Status
+from drivers.sim.timeline import Timeline
+from drivers.sim.twins.camera import CameraTwin
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.rplidar import VirtualLidar
 from drivers.virtual.servo import VirtualServo
-from drivers.virtual.terminal import Terminal
 from tests.drivers.desks import RecordedMachine, gives_pictures
+from tests.drivers.sockets import Sockets
 
 NOW, INSTALLED = 2_000_000_000.0, 1_900_000_000.0
 
@@ -118,20 +118,24 @@ def servos() -> list[VirtualServo]:
 
 
 @pytest.fixture
-def bus(servos: list[VirtualServo]) -> Iterator[Terminal]:
-    with closing(Terminal("u2d2", VirtualServoBus(servos), SystemClock())) as terminal:
-        terminal.open()
-        yield terminal
+def sockets(monkeypatch: pytest.MonkeyPatch) -> Sockets:
+    return Sockets(monkeypatch)
 
 
-def found_of(bus: Terminal, *joints: JointKeys) -> list[Finding]:
-    keys = DynamixelKeys(port=bus.path, joints={f"joint{joint.id}": joint for joint in joints})
-    return list(examine(keys, Site(SystemClock(), bus.path)))
+@pytest.fixture
+def bus(servos: list[VirtualServo], sockets: Sockets) -> Site:
+    """Where the servos are plugged in."""
+    sockets.devices["u2d2"] = VirtualServoBus(servos)
+    return Site(sockets.clock, "u2d2")
 
 
-@pytest.mark.real_time
+def found_of(bus: Site, *joints: JointKeys) -> list[Finding]:
+    keys = DynamixelKeys(port=bus.port, joints={f"joint{joint.id}": joint for joint in joints})
+    return list(examine(keys, bus))
+
+
 def test_servos_as_they_should_be_tell_their_figures_and_nothing_is_written(
-    bus: Terminal, servos: list[VirtualServo]
+    bus: Site, servos: list[VirtualServo]
 ) -> None:
     before = [bytes(servo.table) for servo in servos]
     fine, other = found_of(bus, JointKeys(id=1), JointKeys(id=3, written_model="XM430-W350"))
@@ -141,16 +145,14 @@ def test_servos_as_they_should_be_tell_their_figures_and_nothing_is_written(
     assert all(servo.limp for servo in servos)
 
 
-@pytest.mark.real_time
-def test_too_little_voltage_is_told_with_what_it_should_be(bus: Terminal, servos: list[VirtualServo]) -> None:
+def test_too_little_voltage_is_told_with_what_it_should_be(bus: Site, servos: list[VirtualServo]) -> None:
     servos[0].voltage, servos[1].voltage = 9.4, 5.5
     low, empty = found_of(bus, JointKeys(id=1)), found_of(bus, JointKeys(id=2))
     assert (low[0].verdict, low[0].what) == ("warning", "9.4 V is little for a servo of 12 V")
     assert (empty[0].verdict, empty[0].what) == ("wrong", "5.5 V: below 6.0 V it shuts down")
 
 
-@pytest.mark.real_time
-def test_a_hot_servo_and_one_that_has_shut_down_say_how_to_go_on(bus: Terminal, servos: list[VirtualServo]) -> None:
+def test_a_hot_servo_and_one_that_has_shut_down_say_how_to_go_on(bus: Site, servos: list[VirtualServo]) -> None:
     servos[0].temperature = 66.0
     servos[1].overload()
     hot, shut = found_of(bus, JointKeys(id=1)), found_of(bus, JointKeys(id=2))
@@ -160,9 +162,8 @@ def test_a_hot_servo_and_one_that_has_shut_down_say_how_to_go_on(bus: Terminal, 
     assert shut[0].cure == "remove the cause, then: mission servo recover --robot ROBOT"
 
 
-@pytest.mark.real_time
 def test_another_model_a_missing_servo_and_limits_that_do_not_suit_are_told(
-    bus: Terminal, servos: list[VirtualServo]
+    bus: Site, servos: list[VirtualServo]
 ) -> None:
     servos[3].set("cw_angle_limit", 400)
     found = found_of(bus, JointKeys(id=1, written_model="AX-18A"), JointKeys(id=9), JointKeys(id=4))
@@ -206,20 +207,20 @@ def test_a_kobuki_that_is_off_lame_empty_or_hangs_in_the_air_is_told() -> None:
     assert lifted == ["a wheel hangs in the air: it does not drive"]
 
 
-@pytest.mark.real_time
 @pytest.mark.parametrize(
     ("grey", "verdict", "words"),
     [(5, "wrong", "black"), (20, "warning", "dark"), (120, "ok", "120 of 255"), (250, "warning", "overexposed")],
 )
-def test_what_a_camera_shows_is_judged_by_its_brightness(tmp_path: Path, grey: int, verdict: str, words: str) -> None:
-    exposure = exposed(tmp_path, striped(grey))
+def test_what_a_camera_shows_is_judged_by_its_brightness(
+    monkeypatch: pytest.MonkeyPatch, grey: int, verdict: str, words: str
+) -> None:
+    exposure = exposed(monkeypatch, striped(grey))
     assert exposure.verdict == verdict
     assert words in exposure.what
 
 
-@pytest.mark.real_time
-def test_a_camera_whose_pictures_are_all_of_one_colour_is_wrong(tmp_path: Path) -> None:
-    exposure = exposed(tmp_path, np.full((48, 64, 3), 120, np.uint8))
+def test_a_camera_whose_pictures_are_all_of_one_colour_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    exposure = exposed(monkeypatch, np.full((48, 64, 3), 120, np.uint8))
     assert (exposure.verdict, exposure.what) == (
         "wrong",
         "the pictures are all of one colour (mean brightness 120 of 255)",
@@ -233,12 +234,21 @@ def striped(grey: int) -> Image:
     return picture
 
 
-def exposed(folder: Path, picture: Image) -> Finding:
+def exposed(patch: pytest.MonkeyPatch, picture: Image) -> Finding:
     """Return what is said of the brightness of a camera that gives one picture again and again."""
-    for number in range(3):
-        cv2.imwrite(str(folder / f"{number}.png"), picture)
-    keys = CameraKeys(source=str(folder), width=64, height=48)
-    return next(each for each in look_through(keys, Site(SystemClock())) if each.about == "exposure")
+    timeline = Timeline()
+    eye = CameraTwin(lambda _: picture, timeline.clock, rate=30.0, field_of_view=1.0)
+    read = eye.read
+
+    def looked(seconds: float) -> CameraFrame | None:
+        timeline.run(timeline.clock.now() + min(seconds, 0.1))
+        return read(0.0)
+
+    patch.setattr(eye, "read", looked)
+    patch.setattr("drivers.camera.checkup.open_source", lambda *_, **__: eye)
+    found = list(look_through(CameraKeys(source="film.avi", width=64, height=48), Site(timeline.clock)))
+    assert [each.about for each in found] == ["rate", "exposure"]
+    return found[1]
 
 
 def test_a_camera_that_is_not_plugged_in_is_told_at_once() -> None:
@@ -246,18 +256,15 @@ def test_a_camera_that_is_not_plugged_in_is_told_at_once() -> None:
     assert (found.verdict, found.what, found.cure) == ("wrong", "/dev/video987 is not there", "mission camera list")
 
 
-@pytest.mark.real_time
-def test_a_lidar_tells_who_it_is_and_how_it_feels_and_does_not_turn() -> None:
+def test_a_lidar_tells_who_it_is_and_how_it_feels_and_does_not_turn(sockets: Sockets) -> None:
     lidar = VirtualLidar(lambda bearings, _: np.full(len(bearings), 2.0))
-    with closing(Terminal("rplidar", lidar, SystemClock())) as terminal:
-        terminal.open()
-        keys, site = RPLidarKeys(port=terminal.path), Site(SystemClock(), terminal.path)
-        assert [(each.about, each.verdict) for each in scan_at_rest(keys, site)] == [("device", "ok"), ("health", "ok")]
-        lidar.condition = Condition(Status.ERROR, 7)
-        other = RPLidarKeys(port=terminal.path, model="a2")
-        device, health = scan_at_rest(other, site)
-        assert (device.verdict, device.cure) == ("warning", "write model: a1")
-        assert (health.verdict, health.what) == ("wrong", "it has a fault, code 7")
+    sockets.devices["rplidar"] = lidar
+    keys, site = RPLidarKeys(port="rplidar"), Site(sockets.clock, "rplidar")
+    assert [(each.about, each.verdict) for each in scan_at_rest(keys, site)] == [("device", "ok"), ("health", "ok")]
+    lidar.condition = Condition(Status.ERROR, 7)
+    device, health = scan_at_rest(RPLidarKeys(port="rplidar", model="a2"), site)
+    assert (device.verdict, device.cure) == ("warning", "write model: a1")
+    assert (health.verdict, health.what) == ("wrong", "it has a fault, code 7")
 
 
 class Ear:

@@ -1,7 +1,7 @@
 """``mission robot new``: from nothing to a mission, in few answers; left after each of them, and taken up again.
 
-What is plugged in is virtual, on pseudo-terminals; the machine is recorded. Somebody answers the questions by what
-they ask for, and every byte on the wires is kept.
+What is plugged in is virtual; the machine is recorded. Somebody answers the questions by what they ask for, and every
+byte on the wires is kept.
 """
 
 import json
@@ -9,7 +9,6 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, field
-from functools import partial
 from importlib.metadata import EntryPoint
 from math import degrees
 from pathlib import Path
@@ -41,10 +40,11 @@ from missions.cli.robot.dialogue import Dialogue
 from missions.cli.robot.new import dialogue, new
 from missions.library.drivers import GROUP, load_robot
 from tests.drivers.desks import RecordedMachine
+from tests.drivers.sockets import Sockets
 from tests.missions.command import command
 
 PATIENCE = 0.03
-"""Seconds that virtual devices may be late, on a machine that has other things to do."""
+"""Seconds that virtual devices on pseudo-terminals may be late, on a machine that has other things to do."""
 
 MOST = 40
 """Answers within which a robot file is made."""
@@ -66,15 +66,22 @@ class Person:
 
 
 class Workbench:
-    """A recorded machine with virtual devices at its ports, and what is written to each of them."""
+    """A recorded machine with virtual devices at its ports, and what is written to each of them.
 
-    def __init__(self, folder: Path, stack: ExitStack, patch: pytest.MonkeyPatch) -> None:
+    They are on pseudo-terminals only where they are to ``run``: to do more than answer.
+    """
+
+    def __init__(self, folder: Path, stack: ExitStack, patch: pytest.MonkeyPatch, *, run: bool = False) -> None:
         self.desk = RecordedMachine(folder / "machine")
+        self._sockets = None if run else Sockets(patch)
+        if self._sockets is not None:
+            for room in ("desk", "servos"):
+                patch.setattr(f"missions.cli.robot.{room}.SystemClock", lambda clock=self._sockets.clock: clock)
         self.kept = folder / "state" / "robot_new.json"
         self.written: dict[str, list[bytes]] = {}
         self._stack, self._patch = stack, patch
 
-    def plug(self, name: str, device: WireDevice, ids: str, serial: str = "") -> Terminal:
+    def plug(self, name: str, device: WireDevice, ids: str, serial: str = "") -> None:
         log, feed = self.written.setdefault(name, []), device.feed
 
         def logged(data: bytes, now: float) -> bytes:
@@ -82,10 +89,14 @@ class Workbench:
             return feed(data, now)
 
         self._patch.setattr(device, "feed", logged)
-        terminal = self._stack.enter_context(closing(Terminal(name, device, SystemClock())))
-        terminal.open()
-        self.desk.port(name, ids, serial=serial, by_id=f"usb-{serial}" if serial else "", behind=terminal.path)
-        return terminal
+        by_id, behind = f"usb-{serial}" if serial else "", ""
+        if self._sockets is None:
+            terminal = self._stack.enter_context(closing(Terminal(name, device, SystemClock())))
+            terminal.open()
+            behind = terminal.path
+        port = self.desk.port(name, ids, serial=serial, by_id=by_id, behind=behind)
+        if self._sockets is not None:
+            self._sockets.devices[str(self.desk.machine.at(port))] = device
 
     def session(self, person: Person, *, yes: bool = False) -> None:
         self._patch.setattr(click, "prompt", person)
@@ -101,6 +112,13 @@ class Workbench:
 def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Workbench]:
     with ExitStack() as stack:
         yield Workbench(tmp_path, stack, monkeypatch)
+
+
+@pytest.fixture
+def running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Workbench]:
+    """One whose devices run by themselves, for drivers with threads."""
+    with ExitStack() as stack:
+        yield Workbench(tmp_path, stack, monkeypatch, run=True)
 
 
 def plug_turtlebot(bench: Workbench) -> VirtualRodney:
@@ -122,7 +140,6 @@ ROSIE = {"what is the robot called": "rosie", "ask /dev/ttyUSB2": "y"}
 ADA = {"what is the robot called": "ada"}
 
 
-@pytest.mark.real_time
 def test_a_turtlebot_with_head_and_arm_greets_after_few_answers(
     bench: Workbench, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -152,7 +169,6 @@ def test_a_turtlebot_with_head_and_arm_greets_after_few_answers(
     assert ran.code == 0, ran.err
 
 
-@pytest.mark.real_time
 def test_an_so101_waves_after_few_answers(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     plug_so101(bench)
     person = Person({**ADA, r"like\?": "so101"})
@@ -188,7 +204,6 @@ def test_a_car_that_is_not_plugged_in_is_made_like_a_known_one(
         assert "Hello!" in ran.out
 
 
-@pytest.mark.real_time
 def test_an_arm_like_no_other_has_its_joints_named_one_by_one(bench: Workbench) -> None:
     bench.plug("ttyUSB0", VirtualServoBus([VirtualServo(4, model="MX-28"), VirtualServo(7)]), "0403:6014", "FT7")
     person = Person({"called": "kit", r"like\?": "none", "servo 4": "hip", "servo 7": "knee"})
@@ -202,7 +217,6 @@ def test_an_arm_like_no_other_has_its_joints_named_one_by_one(bench: Workbench) 
     assert len(person.asked) < MOST
 
 
-@pytest.mark.real_time
 @pytest.mark.parametrize("robot", ["turtlebot", "so101", "pi_car"])
 def test_left_after_each_answer_it_goes_on_where_it_was(bench: Workbench, robot: str) -> None:
     if robot != "pi_car":
@@ -222,7 +236,6 @@ def test_left_after_each_answer_it_goes_on_where_it_was(bench: Workbench, robot:
     assert all(bench.instructions(name) <= READS for name in bench.written if name in {"ttyUSB1", "ttyACM0"})
 
 
-@pytest.mark.real_time
 def test_all_defaults_move_nothing_and_leave_an_arduino_alone(bench: Workbench) -> None:
     nano = plug_turtlebot(bench)
     person = Person()
@@ -234,7 +247,6 @@ def test_all_defaults_move_nothing_and_leave_an_arduino_alone(bench: Workbench) 
     assert bench.instructions("ttyUSB1") == READS
 
 
-@pytest.mark.real_time
 def test_two_servos_of_one_id_get_new_ones_each_after_a_yes_of_its_own(bench: Workbench) -> None:
     one, other = VirtualServo(1, angle=0.4), VirtualServo(1, angle=-0.7)
     bench.plug("ttyUSB0", VirtualServoBus([one, other]), "0403:6014", "FT7")
@@ -259,7 +271,6 @@ def test_two_servos_of_one_id_get_new_ones_each_after_a_yes_of_its_own(bench: Wo
     assert [joint.id for joint in arm.joints.values()] == [1, 2]
 
 
-@pytest.mark.real_time
 def test_who_says_no_has_no_servo_written(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     bench.plug("ttyUSB0", VirtualServoBus([VirtualServo(1, angle=0.4), VirtualServo(1)]), "0403:6014", "FT7")
     with suppress(click.Abort):
@@ -268,16 +279,15 @@ def test_who_says_no_has_no_servo_written(bench: Workbench, capsys: pytest.Captu
     assert bench.instructions("ttyUSB0") == READS
 
 
-@pytest.mark.real_time
 def test_limits_are_those_to_which_a_limp_joint_was_turned(bench: Workbench, monkeypatch: pytest.MonkeyPatch) -> None:
     servo = VirtualServo(1)
-    terminal = bench.plug("ttyUSB0", VirtualServoBus([servo]), "0403:6014", "FT7")
+    bench.plug("ttyUSB0", VirtualServoBus([servo]), "0403:6014", "FT7")
 
     def turned(_: Dialogue, look: object, question: str) -> None:
         assert "turn each joint" in question
         assert callable(look)
         for angle in (-0.5, 0.9):
-            terminal.ask(partial(servo.turn_by_hand, angle))
+            servo.turn_by_hand(angle)
             look()
 
     monkeypatch.setattr(Dialogue, "watch", turned)
@@ -290,10 +300,10 @@ def test_limits_are_those_to_which_a_limp_joint_was_turned(bench: Workbench, mon
 
 
 @pytest.mark.real_time
-def test_a_head_that_turns_the_other_way_is_flipped_and_put_straight(bench: Workbench) -> None:
-    nano = plug_turtlebot(bench)
+def test_a_head_that_turns_the_other_way_is_flipped_and_put_straight(running: Workbench) -> None:
+    nano = plug_turtlebot(running)
     person = Person({**ROSIE, "may the head move": "y", "did it turn to ITS left": "n", "askew in tilt": "3"})
-    bench.session(person)
+    running.session(person)
     head = load_robot(find("robots", "rosie")).head
     assert head is not None
     text = (config_folder() / "robots/rosie.yaml").read_text()
@@ -383,7 +393,6 @@ def test_a_head_on_i2c_that_turns_the_other_way_is_flipped_and_put_straight(
     assert (pan.flip, round(degrees(pan.trim))) == (True, 3)
 
 
-@pytest.mark.real_time
 def test_of_two_bases_that_answer_one_is_chosen(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     bench.plug("ttyUSB0", VirtualKobuki(), "0403:6001", "kobuki_7")
     bench.plug("ttyUSB1", VirtualWaveshare(Body(), track=0.17, unit=1.0, encoders=False), "10c4:ea60", "rover_1")
@@ -400,14 +409,14 @@ def test_of_two_bases_that_answer_one_is_chosen(bench: Workbench, capsys: pytest
 
 
 @pytest.mark.real_time
-def test_one_more_head_gets_a_name_of_its_own_and_is_tried_by_it(bench: Workbench) -> None:
+def test_one_more_head_gets_a_name_of_its_own_and_is_tried_by_it(running: Workbench) -> None:
     nano, mast = VirtualRodney(starts=ATTACHED), VirtualRodney(starts=ATTACHED)
-    bench.plug("ttyUSB0", nano, "1a86:7523", "one")
-    bench.plug("ttyUSB1", mast, "1a86:7523", "two")
+    running.plug("ttyUSB0", nano, "1a86:7523", "one")
+    running.plug("ttyUSB1", mast, "1a86:7523", "two")
     servos = {"pan servo": "0", "tilt servo": "1"}
     names = {"one more head": "lidar_mast", "ask /dev": "y"}
     tried = {"may the lidar_mast move": "y", "did it turn to ITS left": "n"}
-    bench.session(Person({"robot called": "kit", r"like\?": "none", **names, **servos, **tried}))
+    running.session(Person({"robot called": "kit", r"like\?": "none", **names, **servos, **tried}))
     config = load_robot(find("robots", "kit"))
     assert config.sections["head"].keys.port == "/dev/serial/by-id/usb-one"
     assert config.sections["lidar_mast"].driver.kind == "head"
@@ -418,7 +427,6 @@ def test_one_more_head_gets_a_name_of_its_own_and_is_tried_by_it(bench: Workbenc
     assert "kit_lidar_mast" in (config_folder() / "robots/kit.rules").read_text()
 
 
-@pytest.mark.real_time
 def test_one_more_arm_gets_a_name_of_its_own_and_its_own_joints(bench: Workbench) -> None:
     plug_so101(bench)
     second = VirtualServoBus([VirtualServo(number, model="STS3215") for number in (1, 2)])

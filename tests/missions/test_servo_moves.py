@@ -148,7 +148,8 @@ def moving(robot: Three) -> Iterator[None]:
 
 def pulling(robot: Three) -> Iterator[None]:
     """Pull the plug while it is looked."""
-    yield from range(10)
+    for _ in range(10):
+        yield
     robot.terminal.unplug()
 
 
