@@ -70,8 +70,8 @@ payloads: $(OTHERS_STAMP) ## a million payloads of ROS 2 that chance has changed
 storm: $(STAMP) ## 2000 random missions under random faults; SEEDS=20000 FIRST=1 for more, or others
 	$(BIN)/mission storm --seeds $(or $(SEEDS),2000) --first $(or $(FIRST),1)
 
-planted: $(STAMP) ## plant faults in a copy of the code, and tell with how many seeds the storm finds each; SEEDS=150
-	$(BIN)/python -m tests.planted --seeds $(or $(SEEDS),150)
+planted: $(STAMP) ## plant faults in a copy of the code, and tell with how many seeds the storm finds each; SEEDS=150 FIRST=500000
+	$(BIN)/python -m tests.planted --seeds $(or $(SEEDS),150) --first $(or $(FIRST),500000)
 
 kills: $(STAMP) ## kill -9 runs, recorders and servers at 500 random moments each, and write down the figures
 	$(BIN)/python -m docs.claims "run killed" "recorder killed" "server killed"

@@ -52,7 +52,7 @@ FAULTS = (
     Planted(
         "speed limit of a joint not applied",
         "drivers/sim/twins/servo.py",
-        "min(max(speed, 0.0), self._limits.speed)",
+        "min(max(speed, 0.0), joint.limits.speed)",
         "9.0",
     ),
     Planted("head's goals not clamped", "drivers/sim/twins/head.py", "self.limits.clamp(target)", "target"),

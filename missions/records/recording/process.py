@@ -22,7 +22,7 @@ from typing import Any
 
 from drivers.clock import Clock, SystemClock
 from missions.records.recording.head import Contents
-from missions.records.recording.items import HEADER, Missed, unpacked
+from missions.records.recording.items import EVENTS, HEADER, Missed, unpacked
 from missions.records.recording.mend import NotMendedError, mend
 from missions.records.recording.outputs import private
 from missions.records.recording.sink import Sink
@@ -30,6 +30,12 @@ from missions.records.recording.writer import RecordWriter, Written
 
 FLUSH = 0.6
 """Seconds after which a chunk is written, at the latest, and waited for until the disk has it."""
+
+SOON = 0.3
+"""The same of one in which something is that is told seldom, so that it outlives a power cut half a second later."""
+
+SELDOM = frozenset(EVENTS) - {"CommandSent"}
+"""What is told seldom, by the names of classes."""
 
 RETRY = 2.0
 """Seconds to the next try, after a chunk that could not be written."""
@@ -115,10 +121,11 @@ class Keeper:
         """Write what waits and what comes, until there is no more, or no more room."""
         flush_at = self._clock.now()
         while (self._inlet.open or waiting) and writer.ended is None:
-            for batch in waiting:
-                _take(writer, batch)
+            told = [_take(writer, batch) for batch in waiting]
             waiting.clear()
             now = self._clock.now()
+            if any(told) and not writer.failing:
+                flush_at = min(flush_at, now + SOON)
             if now >= flush_at:
                 writer.flush()
                 writer.sync()
@@ -164,18 +171,19 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _take(writer: RecordWriter, batch: bytes) -> None:
-    """Write the items of a batch; one that cannot be written costs itself alone."""
+def _take(writer: RecordWriter, batch: bytes) -> bool:
+    """Write the items of a batch; one that cannot be written costs itself alone. Say whether one is told seldom."""
     try:
         items = unpacked(batch)
     except (pickle.UnpicklingError, AttributeError, ImportError, LookupError, TypeError, ValueError) as error:
         writer.add(Missed({UNREAD: 1}, f"a batch could not be read: {error}"))
-        return
+        return True
     for item in items:
         try:
             writer.add(item)
         except (ArithmeticError, LookupError, TypeError, ValueError, RecursionError) as error:
             writer.refuse(item, str(error))
+    return any(type(item).__name__ in SELDOM for item in items)
 
 
 def tell(**what: Any) -> None:

@@ -25,6 +25,7 @@ from missions.testing.storm.shrink import as_test, shrunk
 from missions.testing.storm.trees import Trees
 from missions.testing.storm.weather import Weather, draw, faults_of
 from missions.testing.storm.witness import Witness
+from tests import planted
 from tests.missions.command import command
 
 SEEDS = range(1, 21)
@@ -199,6 +200,11 @@ def test_who_fails_for_another_reason_than_a_refusal_leaves_nothing_moving(monke
     tree = {"sequence": [left, {**failed, "on_failure": "succeed"}, {"wait": "3 s"}]}
     monkeypatch.setattr(JointsTwin, "move", complains)
     assert "claimed_motion" in play(slow(f"mission: failed\ntree: {json.dumps(tree)}\n")).broken
+
+
+def test_every_fault_that_is_planted_has_its_place_in_the_code() -> None:
+    gone = [each.name for each in planted.FAULTS if each.old not in (planted.ROOT / each.file).read_text("utf-8")]
+    assert gone == []
 
 
 @pytest.mark.usefixtures("no_bumps")
