@@ -131,11 +131,12 @@ class Errands:
             return Answer(ok=False, why=str(error))
         return Answer()
 
-    def step(self, now: float) -> None:
+    def step(self, now: float) -> bool:
         """See Worker: report, and heed what the keepers say."""
         while self._answers:
             self._heard(*self._answers.popleft())
-        for errand in self._queue.untold():
+        errands = self._queue.untold()
+        for errand in errands:
             talk = self._talks.setdefault((errand.id, errand.attempt), _Talk(begun=now))
             self._fence(errand, talk, now)
             said = self._state(errand.task)
@@ -143,6 +144,7 @@ class Errands:
             if said != talk.said or talk.sent + wait <= now:
                 talk.said, talk.sent, talk.answered = said, now, False
                 self._report(errand, said, now)
+        return bool(errands)
 
     def _report(self, errand: Errand, said: tuple[TaskState, How], now: float) -> None:
         state, how = said

@@ -124,10 +124,18 @@ class Keeper:
         self._contact[task.id] = self._now()
         if final:
             how = ask.how or "failure"
-            self._kept.change(task.id, after(task, how, ask.reason, self._wall()))
+            self._change(task, after(task, how, ask.reason, self._wall()))
         elif not task.confirmed or task.state != ask.state:
-            self._kept.change(task.id, {"state": ask.state, "confirmed": True, "reason": ""})
+            self._change(task, {"state": ask.state, "confirmed": True, "reason": ""})
         return Answer()
+
+    def _change(self, task: KeptTask, changes: Mapping[str, object]) -> None:
+        """Change a task; who else has done it stays told, whatever becomes of it."""
+        if "reason" in changes:
+            reason = str(changes["reason"])
+            also = [each for each in task.reason.split("; ") if each.startswith(ALSO) and each not in reason]
+            changes = {**changes, "reason": "; ".join(each for each in (reason, *also) if each)}
+        self._kept.change(task.id, changes)
 
     def _late(self, task: KeptTask, ask: Report) -> Answer | None:
         """Hear that a robot has done what was handed on meanwhile: nobody can exclude that, but it is told."""
@@ -135,9 +143,9 @@ class Keeper:
             return None
         told = f"{ALSO} {ask.robot}"
         if not task.ended and not task.confirmed:  # nobody else has begun it
-            self._kept.change(task.id, {"state": "FINISHED", "reason": told})
+            self._change(task, {"state": "FINISHED", "reason": told})
         elif told not in task.reason:
-            self._kept.change(task.id, {"reason": f"{task.reason}; {told}".removeprefix("; ")})
+            self._change(task, {"reason": f"{task.reason}; {told}".removeprefix("; ")})
         return Answer()
 
     def _decide(self, ask: Decide) -> Answer:
@@ -146,22 +154,22 @@ class Keeper:
         if task is None or task.ended:
             return Answer(ok=False, why=f"task {ask.task} is not kept here, or has ended")
         if ask.what == "give-up":
-            self._kept.change(task.id, {"state": "FAILED", "reason": f"given up by {ask.by}"})
+            self._change(task, {"state": "FAILED", "reason": f"given up by {ask.by}"})
         elif not task.robot:
             return Answer(ok=False, why=f"task {ask.task} waits for a robot as it is")
         else:
             changes = {"state": "WAITING", "robot": "", "confirmed": False, "reason": f"handed on by {ask.by}"}
-            self._kept.change(task.id, changes)
+            self._change(task, changes)
         return Answer(why="done")
 
     # --- what is due ------------------------------------------------------------------------------------------------
 
-    def step(self, now: float) -> None:
+    def step(self, now: float) -> bool:
         """See Worker."""
         while self._answers:
             self._heard(*self._answers.popleft(), now)
         if self.copied():
-            return
+            return False
         tasks = self._kept.tasks(ended=False)
         taken = {each.robot for each in tasks}
         members = self._roster.members()
@@ -170,24 +178,25 @@ class Keeper:
                 if task.due(self._wall()) and (found := self._choose(task, members, taken, now)):
                     taken.add(str(found))
                     changes = {"robot": str(found), "attempt": task.attempt + 1, "confirmed": False}
-                    self._kept.change(task.id, changes)  # before it is sent: who has it is never unknown
+                    self._change(task, changes)  # before it is sent: who has it is never unknown
                     self._offer(task, found, task.attempt + 1, now)
                 continue
             self._attend(task, Address.read(task.robot), members, now)
+        return bool(tasks)
 
     def _attend(self, task: KeptTask, robot: Address, members: Mapping[Address, Member], now: float) -> None:
         """Look after a task that a robot has."""
         gone = robot not in members or members[robot].connection != "ONLINE"
         if not task.confirmed:
             if gone and now > self._begun + self._times.again:  # it cannot have begun: that has to be confirmed first
-                self._kept.change(task.id, {"robot": ""})
+                self._change(task, {"robot": ""})
             elif not gone and now > self._sent.get(task.id, self._begun) + self._times.again:
                 self._offer(task, robot, task.attempt, now)
         elif now > self._contact.get(task.id, self._begun) + self._times.hand_on:
             if task.if_interrupted == "retry":
-                self._kept.change(task.id, {"state": "WAITING", "robot": "", "confirmed": False, "reason": LOST})
-            elif task.reason != LOST:
-                self._kept.change(task.id, {"reason": LOST})
+                self._change(task, {"state": "WAITING", "robot": "", "confirmed": False, "reason": LOST})
+            elif not task.reason.startswith(LOST):
+                self._change(task, {"reason": LOST})
 
     def _choose(self, task: KeptTask, members: Mapping[Address, Member], taken: set[str], now: float) -> Address | None:
         """Return a robot that is free and as it is wished; keepers begin to choose at different ends."""
@@ -219,7 +228,7 @@ class Keeper:
             return
         unable = bool(answer.told)
         self._refused[number, robot] = now + (60.0 if unable else self._times.refused)
-        self._kept.change(number, {"robot": "", "reason": f"{robot}: {answer.why}" if unable else ""})
+        self._change(task, {"robot": "", "reason": f"{robot}: {answer.why}" if unable else ""})
 
 
 def fits(where: str, address: Address, state: RobotState) -> bool:

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable
 from dataclasses import asdict
-from threading import Event
 from typing import TYPE_CHECKING, Any, Protocol
 
 from missions.service.fleet.form import MAX_ANSWER, BadMessageError, as_bytes, read
@@ -147,19 +146,3 @@ class ZenohLine:
     def close(self) -> None:
         """See Line."""
         self._session.close()
-
-
-def asked(line: Line, ask: Ask, where: str = "*/*", timeout: float = 2.0) -> dict[Address, Answer]:
-    """Ask, and return who has answered what within ``timeout``."""
-    found: dict[Address, Answer] = {}
-    over = Event()
-
-    def heard(address: Address | None, answer: Answer | None) -> None:
-        if address is None or answer is None:
-            over.set()
-        else:
-            found[address] = answer
-
-    line.ask(ask, where, heard, timeout)
-    over.wait(timeout + 1.0)
-    return dict(found)

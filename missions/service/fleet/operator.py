@@ -12,7 +12,7 @@ from typing import Literal, TypeVar
 from config.fleet import FleetKeys
 from drivers.clock import Clock, SystemClock
 from missions.service.fleet.form import BadMessageError, of
-from missions.service.fleet.line import Line, ZenohLine, asked
+from missions.service.fleet.line import Line, ZenohLine
 from missions.service.fleet.place import check_name, open_session
 from missions.service.fleet.roster import Member, Roster
 from missions.service.fleet.words import (
@@ -85,7 +85,7 @@ class Operator:
         """Wait until all are known that are there, and ask some of them whom they have met."""
         wait_still(self.roster, self.clock)
         there = [address for address, each in self.members().items() if each.online][:WITNESSES]
-        for answer in (answer for each in there for answer in asked(self.line, Met(), str(each), 1.0).values()):
+        for answer in self._each(there, lambda _: Met(), 1.0).values():
             for met in _read(MetRobot, answer):
                 with suppress(BadMessageError):
                     self.roster.heard_of(Address.read(met.robot), met.connection)

@@ -271,6 +271,26 @@ def test_an_operator_hands_on_what_may_not_be_repeated_and_hears_where_it_was_do
     assert anna.queue.untold() == []
 
 
+def test_that_a_task_was_done_by_a_lost_robot_is_told_though_another_is_at_it_by_then(fleet: Fleet) -> None:
+    anna = fleet.robot("anna", "0000000a")
+    fleet.keep()
+    fleet.turn()
+    assert anna.begin()
+    anna.end()
+    anna.cut, bob = True, fleet.robot("bob", "0000000b")
+    fleet.turn(TIMES.hand_on + 2.0)
+    assert bob.begin()
+    fleet.turn(3.0)
+    anna.cut = False
+    fleet.turn(3.0)
+    assert f"{ALSO} {anna.address}" in fleet.task.reason
+    bob.body.telemetry = Telemetry(runs=True, paused=True)
+    fleet.turn(3.0)
+    bob.end()
+    fleet.turn(3.0)
+    assert (fleet.task.state, fleet.task.reason) == ("FINISHED", f"{ALSO} {anna.address}")
+
+
 def test_a_robot_that_was_killed_tells_what_was_interrupted_and_the_policy_decides(fleet: Fleet) -> None:
     anna = fleet.robot("anna", "0000000a")
     fleet.keep(if_interrupted="give-up")
