@@ -6,7 +6,7 @@ from drivers.api.quick import dataclass
 from drivers.api.senses import CameraKeys
 from missions.language.phrases import phrases_of
 from missions.language.plan import Step
-from missions.library.things import looked_for
+from missions.language.sought import looked_for
 from perception.api import Wanted
 
 if TYPE_CHECKING:

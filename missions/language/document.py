@@ -24,6 +24,7 @@ from missions.language.outcomes import check_outcomes
 from missions.language.params import Param, read_params, take_params
 from missions.language.phrases import check_phrases, own_phrases
 from missions.language.plan import Plan, Step
+from missions.language.sought import check_objects
 from missions.language.steps import read_step
 from missions.language.values import Value
 from missions.language.variables import check_kinds
@@ -194,6 +195,7 @@ def _check(
         check_kinds(notes, tree, body.returns)
         check_answers(notes, tree)
         check_names(notes, tree)
+        check_objects(notes, tree)
         check_flow(notes, tree)
         check_outcomes(notes, tree)
     if notes.faults or body is None or tree is None:

@@ -14,7 +14,6 @@ from config.marked import read_source
 from config.units import seen
 from drivers.api import Gesture
 from drivers.api.gait import GaitKeys
-from missions.language.plan import Step
 from perception.api import Wanted
 
 if TYPE_CHECKING:
@@ -90,12 +89,6 @@ def _object(name: str) -> "ObjectConfig":
         # One word is a name more likely than a colour with a slip in it.
         close = "" if " " in name.strip() else did_you_mean(name, shipped("objects"))
         raise LookupError(f"needs an object: {error}" if not close else f"needs an object: {close}") from error
-
-
-def looked_for(tree: Step) -> tuple[Wanted, ...]:
-    """Return the objects that a mission names, each once: what its sense for things is to look for."""
-    values = (value.constant for step in tree.walk() for value in step.arguments.values())
-    return tuple(dict.fromkeys(value for value in values if isinstance(value, Wanted)))
 
 
 def file(name: str) -> Path:

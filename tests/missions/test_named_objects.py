@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 
 from config.faults import InvalidFileError
+from missions.language.sought import looked_for
 from missions.library.shipped import load_mission
-from missions.library.things import looked_for, wanted
+from missions.library.things import wanted
 from perception.api import Wanted
 
 MISSION = """
@@ -59,3 +60,43 @@ def test_a_mistake_in_a_mission_is_shown_at_its_place(tmp_path: Path) -> None:
     path.write_text(MISSION.replace("yellow", "yelow"))
     with pytest.raises(InvalidFileError, match="'yelow' is no colour; did you mean 'yellow'"):
         load_mission(str(path))
+
+
+@pytest.mark.parametrize(
+    ("steps", "names"),
+    [
+        ('for_each: {in: [red ball, blue box], as: thing, do: {find_object: "${thing}"}}', ["red ball", "blue box"]),
+        ('for_each: {in: hues, as: hue, do: {find_object: "${hue} ball"}}', ["red ball", "green ball"]),
+        ('sequence: [set: {it: pink box}, find_object: "${it}"]', ["pink box"]),
+        ('sequence: [{listen: {for: [blue box]}, as: heard}, find_object: "${heard}"]', ["blue box"]),
+        ('sequence: [{find_object: red ball, as: it}, object_seen: "${it.name}"]', ["red ball"]),
+    ],
+)
+def test_what_an_expression_may_name_is_looked_for(steps: str, names: list[str], tmp_path: Path) -> None:
+    path = tmp_path / "look.yaml"
+    path.write_text(f"mission: look\nparams: {{hues: [red, green]}}\ntree: {{{steps}}}\n")
+    assert set(names) <= {one.name for one in looked_for(load_mission(str(path)).tree)}
+
+
+def test_what_is_named_to_a_mission_within_is_looked_for(tmp_path: Path) -> None:
+    (tmp_path / "seek.yaml").write_text('mission: seek\nparams: {what: apple}\ntree: {find_object: "${what}"}\n')
+    path = tmp_path / "look.yaml"
+    each = '{in: [red, blue], as: hue, do: {mission: seek.yaml, with: {what: "${hue} box"}}}'
+    path.write_text(f"mission: look\ntree: {{for_each: {each}}}\n")
+    assert {"red box", "blue box"} <= {one.name for one in looked_for(load_mission(str(path)).tree)}
+
+
+def test_a_mission_that_looks_for_what_nothing_in_it_names_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "look.yaml"
+    path.write_text('mission: look\ntree: {sequence: [set: {it: nothing}, find_object: "${it}"]}\n')
+    with pytest.raises(InvalidFileError, match="'find_object': what it looks for must be known before the mission"):
+        load_mission(str(path))
+
+
+def test_a_mission_of_which_a_param_is_missing_may_yet_be_told_what_to_look_for(tmp_path: Path) -> None:
+    path = tmp_path / "look.yaml"
+    path.write_text(
+        'mission: look\nparams: {what: {type: text}}\ntree: {sequence: [set: {it: "${what}"}, find_object: "${it}"]}\n'
+    )
+    plan = load_mission(str(path))
+    assert looked_for(plan.tree) == ()
