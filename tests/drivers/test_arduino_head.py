@@ -173,7 +173,7 @@ class Wire(Link):
         self.probes = 0
         self.plugged = False
         self.noise = b""
-        self.deaf_until = 0.0
+        self.deaf_until = self.late_until = 0.0
         self._pending = b""
         self.served = 0
         self._dozes_until = 0.0
@@ -216,8 +216,9 @@ class Wire(Link):
             self._pending += self.device.poll(self.clock.now())
             if self.clock.now() < self._dozes_until - 1e-9:
                 continue
-            data = self.noise + self._pending
-            self.noise = self._pending = b""
+            data, self.noise = self.noise, b""
+            if self.clock.now() >= self.late_until:
+                data, self._pending = data + self._pending, b""
             if data and self.clock.now() >= self.deaf_until:
                 self.talker.received(data)
             self._dozes_until = self.clock.now() + (self.talker.pulse() or 0.0)
@@ -744,6 +745,32 @@ def test_one_garbled_question_for_the_time_is_no_reset() -> None:
     b.link.deaf_until = b.clock.now() + 2.0  # one question falls into this
     b.link.run(10.0)
     assert [one.kind for one in b.notices] == ["online"]
+    assert b.link.device.commands == []
+
+
+def test_a_board_whose_answer_comes_late_once_is_no_board_that_may_have_started_anew() -> None:
+    b = bench()
+    b.begin()
+    b.link.late_until = b.clock.now() + 0.6
+    b.head.look(HeadPose(radians(20), 0.0))
+    b.link.run(0.5)
+    assert b.link.device.commands == []
+    assert b.notices[-1].kind == "offline"
+    b.link.run(1.0)
+    assert b.head.latched == ""
+    b.head.look(HeadPose(radians(20), 0.0))
+    b.link.run(1.0)
+    assert degrees(b.head) == pytest.approx((20, 0))
+
+
+def test_a_board_that_started_anew_before_a_late_answer_is_known_by_it() -> None:
+    b = bench()
+    b.begin()
+    b.link.run(0.2)
+    b.link.device.reset(b.clock.now())
+    b.link.late_until = b.clock.now() + 0.6
+    b.head.look(HeadPose(radians(20), 0.0))
+    b.link.run(1.5)
     assert b.link.device.commands == []
 
 
