@@ -21,6 +21,18 @@ STATES = 3
 
 SILENCE = "SIL"
 
+FEATURES = {
+    "-lowerf": "130",
+    "-upperf": "6800",
+    "-nfilt": "25",
+    "-transform": "dct",
+    "-lifter": "22",
+    "-feat": "1s_c_d_dd",
+    "-svspec": "0-12/13-25/26-38",
+    "-remove_noise": "yes",
+}
+"""What it must have been trained on, as its ``feat.params`` tells: what ``cepstra`` makes."""
+
 _WEIGHT = 1024 * np.log(1.0001)  # of a state for a Gaussian: minus the logarithm, in these units
 _PLACES = {"inside": 0, "first": 1, "last": 2, "alone": 3}  # of a phone in its word
 
@@ -38,6 +50,9 @@ class AcousticModel:
     """Reads the model in a ``folder``. Raises OSError where it is not, ValueError for one of another form."""
 
     def __init__(self, folder: Path) -> None:
+        told = dict(line.split() for line in (folder / "feat.params").read_text("utf-8").splitlines() if line.strip())
+        if other := [f"{key} {told.get(key)}" for key, value in FEATURES.items() if told.get(key) != value]:
+            raise ValueError(f"the acoustic model was trained on other features: {', '.join(other)}")
         means, variances = _table(folder / "means"), np.maximum(_table(folder / "variances"), 1e-4)
         self.slopes = np.concatenate([-0.5 / variances, means / variances], axis=-1).astype(np.float32)
         self.constants = -0.5 * (np.log(2 * np.pi * variances) + means**2 / variances).sum(axis=-1).astype(np.float32)

@@ -14,6 +14,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -112,10 +113,17 @@ def dictionary() -> Iterator[tuple[str, str]]:
                 yield entry, phones
 
 
+def contest(alone: dict[str, list[str]]) -> Contest:
+    """Return a contest of single words and their decoys. Raises OSError, ValueError, KeyError for another model."""
+    model = AcousticModel(Path(pocketsphinx.get_model_path("en-us/en-us")))
+    everybody = {**decoys(alone), **alone}
+    return Contest(model, [(word, way.split()) for word, ways in everybody.items() for way in ways])
+
+
 class Recogniser:
     """A grammar, and a loop over phones beside it: two decoders, since beams hold for all that one does.
 
-    Single words compete with each other and with the decoys.
+    Single words compete with each other and with the decoys, where the acoustic model is one whose files we can read.
     """
 
     def __init__(self) -> None:
@@ -135,9 +143,8 @@ class Recogniser:
         if self.alone:
             for word in self.alone:
                 search(self.grammar, only(word), {}, [(0, 1, 1.0, word)])
-            everybody = {**decoys(self.alone), **self.alone}
-            model = AcousticModel(Path(pocketsphinx.get_model_path("en-us/en-us")))
-            self.contest = Contest(model, [(word, way.split()) for word, ways in everybody.items() for way in ways])
+            with suppress(OSError, ValueError, KeyError):  # another model than that which pocketsphinx brings along
+                self.contest = contest(self.alone)
 
     def decode(self, sound: Samples) -> dict[str, Any]:
         """Return what was said, as far as it was a phrase, with all that tells whether to believe it."""

@@ -97,6 +97,8 @@ def _mean(model: AcousticModel, phone: int) -> Floats:
         ("mdef", lambda data: b"text" + data[4:], "no binary mdef"),
         ("mdef", lambda data: data[: _emitting(data)] + b"\5" + data[_emitting(data) + 1 :], "5 states in a phone"),
         ("sendump", lambda data: data[:1000], "weights of another form"),
+        ("feat.params", lambda data: data.replace(b"-nfilt 25", b"-nfilt 40"), "other features: -nfilt 40"),
+        ("feat.params", lambda data: data.replace(b"-svspec 0-12/13-25/26-38", b""), "other features: -svspec None"),
     ],
 )
 def test_a_model_of_another_form_is_refused(
@@ -104,7 +106,7 @@ def test_a_model_of_another_form_is_refused(
 ) -> None:
     folder = model_folder()
     assert folder is not None
-    for each in ("means", "variances", "transition_matrices", "mdef", "sendump"):
+    for each in ("means", "variances", "transition_matrices", "mdef", "sendump", "feat.params"):
         data = (folder / "en-us" / each).read_bytes()
         (tmp_path / each).write_bytes(spoilt(data) if each == name else data)
     with pytest.raises(ValueError, match=complaint):

@@ -1,10 +1,13 @@
 """The program that recognises with pocketsphinx: which single word it takes, and how that is weighed."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 pytest.importorskip("pocketsphinx")
 
+from perception.hearing import recogniser_worker
 from perception.hearing.contest import Entry
 from perception.hearing.grammar import Grammar
 from perception.hearing.lexicon import english
@@ -67,3 +70,16 @@ def test_decoys_are_short_common_words_that_sound_like_no_phrase() -> None:
     assert {"the", "yes", "go"} <= set(found)
     assert not {"no", "know"} & set(found)
     assert all(len(ways[0].split()) <= SHORT for ways in found.values())
+
+
+@pytest.mark.parametrize("error", [ValueError("trained on other features"), FileNotFoundError("no sendump")])
+def test_words_are_heard_without_a_contest_where_the_acoustic_model_is_another(
+    error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_: Path) -> None:
+        raise error
+
+    monkeypatch.setattr(recogniser_worker, "AcousticModel", refuse)
+    recogniser = listening("yes")
+    assert recogniser.contest is None
+    assert recogniser.decode(np.zeros(RATE, np.int16))["phrase"] in {"", "yes"}
