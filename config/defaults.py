@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from config.declared import read_keys
-from config.editing import rewrite, with_value
 from config.faults import InvalidFileError, Source
 from config.fields import fields_of
 from config.marked import read_source
@@ -58,6 +57,8 @@ def load_defaults() -> DefaultsKeys:
 
 def keep_default(word: str, value: str) -> Path:
     """Write one default into the file, whose other lines stay. Raises InvalidFileError, NotEditableError, OSError."""
+    from config.editing import rewrite, with_value  # noqa: PLC0415 - most commands write no defaults
+
     load_defaults()
     path = config_folder() / FILE
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,11 +1,15 @@
-"""Where files are found: by name in the folders that ship with MissionTree and in the user's own, or by path."""
+"""Where files are found: by name in the folders that ship with MissionTree and in the user's own, or by path.
 
-from collections.abc import Collection
+A file says by its keys what it is, a mission, a world, a robot; so people are told what to type for it.
+"""
+
+import re
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from config.faults import closest, did_you_mean
-from config.kinds import kinds_of, wrong_kind
-from config.units import seen
+from config.reading import open_regular
+from config.units import article, seen
 
 HERE = Path(__file__).parent
 
@@ -124,3 +128,57 @@ def _all(kind: str, known: Collection[str]) -> str:
     if len(known) > FEW and kind in LISTED:
         return f"`mission list {kind}` has all"
     return f"known are: {', '.join(known)}"
+
+
+KEYS: Mapping[str, str] = {
+    "mission": "missions",
+    "tests": "tests",
+    "world": "worlds",
+    "robot": "robots",
+    "gesture": "gestures",
+    "gait": "gaits",
+    "controller": "controllers",
+    "object": "objects",
+}
+"""The key that each kind of file must have, and the kind."""
+
+USES: Mapping[str, str] = {
+    "missions": "mission run {0}",
+    "tests": "mission test {0}",
+    "worlds": "mission world show {0}, or mission run MISSION --world {0}",
+    "robots": "mission run MISSION --simulate --robot {0}",
+    "gestures": "write `gesture: {0}` in a mission",
+    "gaits": "mission gait show {0}",
+    "controllers": "mission controller show {0}",
+    "objects": "write `find_object: {0}` in a mission",
+    "records": "mission replay {0}",
+}
+"""What to type for a file of each kind."""
+
+RECORD = b"\x89MCAP0"
+"""What a record begins with."""
+
+BEGINNING = 65_536
+"""Bytes in which the keys are looked for."""
+
+
+def wrong_kind(asked: str, path: Path) -> str:
+    """Say what a file is where it is clearly of another kind than the one ``asked`` for; nothing where it may be."""
+    found = kinds_of(path)
+    if not found or asked in found or (asked == "moves" and "gestures" in found):
+        return ""
+    use = USES[found[0]].format(path)
+    return f"{path} is {article(found[0].removesuffix('s'))}: {use}"
+
+
+def kinds_of(path: Path) -> list[str]:
+    """Return the kinds of which a file can be, by its keys in their order; none where it says nothing of that."""
+    try:
+        with open_regular(path) as file:
+            data = file.read(BEGINNING) or b""
+    except (OSError, ValueError):
+        return []
+    if data.startswith(RECORD):
+        return ["records"]
+    keys = re.findall(r"^([a-z]+):(?=\s|$)", data.decode("utf-8-sig", errors="replace"), re.MULTILINE)
+    return [KEYS[key] for key in keys if key in KEYS]

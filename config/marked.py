@@ -16,7 +16,6 @@ from typing import Any, NoReturn
 import yaml
 
 from config.faults import Diagnostic, InvalidFileError, Mark, Source, note, place_of
-from config.mending import mend, plain_blanks
 from config.reading import note_read, read_regular
 from config.syntax import events, forbidden_character, problem_line, syntax_fault
 from drivers.api.quick import dataclass
@@ -100,10 +99,13 @@ def compose(source: Source, faults: list[Diagnostic] | None = None) -> Node:
     With ``faults`` given, mistakes after which the rest can still be read (a key that stands twice, a colon that lacks)
     are added to it instead of raised.
     """
-    forbidden = forbidden_character(source)
-    if forbidden is not None:
+    if (forbidden := forbidden_character(source)) is not None:
         raise InvalidFileError([forbidden])
-    text, found = plain_blanks(source)
+    text, found = source.text, list[Diagnostic]()
+    if not text.isascii():
+        from config.mending import plain_blanks  # noqa: PLC0415 - most files need no mending
+
+        text, found = plain_blanks(source)
     composer = _composed(source, text, found, mending=faults is not None)
     if composer.root is None:
         raise InvalidFileError(found or [Diagnostic(source, Mark(), "the file is empty")])
@@ -130,6 +132,8 @@ def _composed(source: Source, text: str, found: list[Diagnostic], *, mending: bo
             raise InvalidFileError([*found, *composer.faults]) from None
         except yaml.YAMLError as error:
             fault = syntax_fault(Source(source.name, text), error)
+            from config.mending import mend  # noqa: PLC0415 - as above
+
             better = mend(text, fault, problem_line(error)) if mending else None
             if not torn:  # what follows from a line that was left out is no mistake
                 found.append(replace(fault, source=source, mended=frozenset() if better is None else better.lines))

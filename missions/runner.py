@@ -18,15 +18,13 @@ from missions.assembly.interests import interests_of
 from missions.assembly.target import target_of
 from missions.assembly.together import Hooks, Overrides
 from missions.executive.answers import Answers
-from missions.executive.asked import asked, robot_for
+from missions.executive.asked import Decided, asked, robot_for
 from missions.executive.build import Substitute, as_it_is, build
-from missions.executive.decided import Decided
 from missions.executive.events import FaultRaised, Listener, Stream
 from missions.executive.executive import Executive, Result
 from missions.executive.frozen_tick import OnMoment
 from missions.executive.guard import Guard
-from missions.executive.lifeline import Lifeline
-from missions.executive.signals import Signals
+from missions.executive.signals import Lifeline, Signals
 from missions.executive.state import state_of
 from missions.executive.stop_latch import StopLatch
 from missions.executive.telling import Teller, logging_to

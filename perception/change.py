@@ -1,4 +1,7 @@
-"""The sense for motion: how much of a picture has changed since the one before, whatever the robot's head does."""
+"""What a picture shows as a whole: edges and brightness; and the sense for motion, how much of it has changed.
+
+A covered lens and a blank wall have no edges, a room has. Motion is what has changed whatever the robot's head does.
+"""
 
 from dataclasses import replace
 from typing import cast
@@ -8,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perception.api import Frame, Image, Scene
-from perception.light import Grey, averaged, grey
-from perception.scene import measure
+from perception.light import Grey, averaged, cells, grey
 
 WIDTH = 160
 """Pixels of the width to which pictures are shrunk to be compared: little noise is left, and a hand still shows."""
@@ -99,3 +101,22 @@ def small(image: Image) -> Grey:
     if width <= WIDTH:
         return grey(image)
     return averaged(image, WIDTH, max(1, round(height * WIDTH / width)))
+
+
+EDGES = 0.01
+"""The share of neighbouring cells that may differ by more than the contrast: a few hot pixels are no scene."""
+
+
+def measure(image: Image | Grey, *, stamp: float) -> Scene:
+    """Return what a picture of shape (height, width, 3) or (height, width) shows as a whole.
+
+    The contrast is the 99th percentile of the differences between cells side by side. A smooth shade makes a large
+    spread of brightness but no such steps, so a wall that is lit from one side is as uniform as it looks.
+    Raises ValueError for what is not a picture.
+    """
+    means = cells(image).astype(np.int16)
+    steps = np.concatenate([np.abs(np.diff(means, axis=axis)).ravel() for axis in (0, 1)])
+    if steps.size == 0:
+        return Scene(stamp, float(means.mean()), 0.0)
+    at = int((1.0 - EDGES) * (steps.size - 1))
+    return Scene(stamp, float(means.mean()), float(np.partition(steps, at)[at]))

@@ -5,11 +5,10 @@ from dataclasses import dataclass, replace
 from threading import Event, Thread
 
 from perception.api import Face, Frame, Gaze, Marker, Scene, Thing, View, ignore
+from perception.change import measure
 from perception.delay import Delay, Exposures
 from perception.geometry import Pinhole
-from perception.scene import measure
-from perception.senses import Senses, Sparing
-from perception.source import FrameSource, Skipping
+from perception.senses import FrameSource, Senses, Skipping, Sparing
 
 WAIT = 0.1
 """Seconds to wait for a frame, and to rest after trouble: how long ``close`` may take."""

@@ -18,8 +18,7 @@ from perception.flow import carry
 from perception.known import RETRY, TRUST, Known
 from perception.light import Grey, check
 from perception.sighting import Sighting
-from perception.still import Still
-from perception.turns import ANY, Search
+from perception.turns import ANY, Search, Still
 
 SAME = 0.3
 """Overlap from which on two boxes are one face."""

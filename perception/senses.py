@@ -1,4 +1,4 @@
-"""The senses of the eyes: each finds one kind of thing in frame after frame, and follows it over time."""
+"""The senses of the eyes: each finds one kind of thing in frame after frame, and follows it. Frames have a source."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -72,3 +72,20 @@ class Senses:
     things: Sense[Thing] | None = None
     markers: Sense[Marker] | None = None
     scene: SceneSense | None = None
+
+
+class FrameSource(Protocol):
+    """Where frames come from: a camera."""
+
+    def read(self, timeout: float) -> Frame | None:
+        """Wait up to ``timeout`` seconds for a frame newer than the last one read; None when none came."""
+        ...
+
+
+@runtime_checkable
+class Skipping(Protocol):
+    """A source that can let pictures go by, at less cost than to read them: a camera of the house."""
+
+    def skip(self, pictures: int) -> None:
+        """Let so many pictures go by after the newest that was read."""
+        ...

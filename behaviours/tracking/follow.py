@@ -7,7 +7,7 @@ lag. The base turns by the head's pan: the head leads, the base follows. A base 
 
 import math
 
-from behaviours.tracking.ahead import Ahead
+from behaviours.tracking.foresight import Ahead
 from behaviours.tracking.lag import Lag, Turning
 from behaviours.tracking.offset import Expected, Shown, View
 from behaviours.tracking.rules import EDGE, ERROR, PAN, RATE, Law, RuleBases

@@ -1,4 +1,4 @@
-"""How far a target's motion can be foreseen: learnt from how well it could be so far.
+"""How far a target's motion can be foreseen, learnt from how well it could be so far; and where a base will be.
 
 Three models foretell one angle; y is the angle when last seen, r its rate, m its slow mean, h the time ahead:
 
@@ -11,12 +11,15 @@ Three models foretell one angle; y is the angle when last seen, r its rate, m it
 
 Each counts by how well it foretold the last seconds; a walk is what is believed before. What comes and goes faster than
 head or base are able to is followed by a share only, from the middle of its way.
+
+A base will be where it was told to go and has not been yet, when the next command acts.
 """
 
 from collections import deque
 from itertools import pairwise
 from math import exp, pi, radians
 
+from behaviours.tracking.lag import Lag, Turning, ramped
 from drivers.api.quick import dataclass
 
 MEAN = 2.0
@@ -208,3 +211,35 @@ class Foresight:
         found = zip(costs, PENALTIES, DOUBTS, strict=True)
         weights = [(FLOOR / (max(cost, 0.0) * penalty + FLOOR * doubt)) ** 4 for cost, penalty, doubt in found]
         self._weights = [weight / sum(weights) for weight in weights]
+
+
+MAX_LOOKAHEAD = 1.0
+"""Seconds to look ahead at most: what lies beyond is of no use."""
+
+STEP = 0.02
+"""Seconds of one step of the reckoning: base drivers renew their command as often."""
+
+
+class Ahead:
+    """Foretells how a base will stand that begins what it is told ``lag.seconds`` later.
+
+    It approaches each turn rate that it was told at ``lag.acceleration``, by the ramps of its driver.
+    """
+
+    def __init__(self, lag: Lag) -> None:
+        self._lag = lag
+
+    def at(self, time: float, known: Turning) -> Turning:
+        """Return how it will stand and turn at ``time``, from how it did when that was last known."""
+        now, heading, rate = known.stamp, known.heading, known.rate
+        if time < now:
+            return Turning(heading - rate * (now - time), rate, time)
+        time = min(time, now + MAX_LOOKAHEAD)
+        while now < time:
+            step = min(STEP, time - now)
+            told = self._lag.told(now + step / 2 - self._lag.seconds, rate)
+            after = ramped(rate, told, self._lag.acceleration * step)
+            heading += (rate + after) / 2 * step
+            rate = after
+            now += step
+        return Turning(heading, rate, time)

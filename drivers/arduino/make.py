@@ -1,22 +1,28 @@
 """From the keys of a robot file to the driver of a Rodney head."""
 
+from typing import TYPE_CHECKING
+
 from drivers.api.driver import Site
 from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.declared import ArduinoKeys, SecondKeys, ServoKeys, TwoServoKeys
 from drivers.arduino.driver import ArduinoHead
 from drivers.arduino.memory import Memory
-from drivers.keeper.head import KeeperHead
 from drivers.link import Link
+
+if TYPE_CHECKING:
+    from drivers.keeper.head import KeeperHead
 
 CURE = "flash docs/keeper_head/keeper_head.ino; look at its power and its cable"
 
 
-def make(keys: ArduinoKeys, site: Site) -> ArduinoHead | KeeperHead:
+def make(keys: ArduinoKeys, site: Site) -> "ArduinoHead | KeeperHead":
     """Return the driver; where its servos were left is kept, but for a virtual one."""
     link = Link(site.part, site.port, keys.baud, report=site.report)
     remembered = None if site.state is None else Memory(site.state, site.port)
     if keys.protocol == "lines":
+        from drivers.keeper.head import KeeperHead  # noqa: PLC0415 - few boards have that sketch
+
         return KeeperHead(
             link,
             site.clock,

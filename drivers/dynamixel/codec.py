@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 from drivers.api.quick import dataclass
-from drivers.dynamixel import wire, wire2, wire_sts
+from drivers.dynamixel import wire, wire2
 from drivers.dynamixel.register import Block
 from drivers.dynamixel.units import Framing, Protocol, called
 from drivers.dynamixel.wire import BROADCAST, Fault, Packet, Parser
@@ -19,7 +19,7 @@ from drivers.errors import BadRequest
 # What each error byte says, made ready: every reply has one, and flags are slow to make.
 _FAULTS_1 = tuple(Fault(error & wire.ERROR_BYTE) for error in range(256))
 _FAULTS_2 = tuple(wire2.faults_of(error) for error in range(256))
-_FAULTS_STS = tuple(wire_sts.faults_of(error) for error in range(256))
+_FAULTS_STS = tuple(wire.sts_faults(error) for error in range(256))
 
 Keep = Literal["nothing", "id", "id and baud"]
 """What a factory reset leaves as it is."""

@@ -1,12 +1,16 @@
 """From the keys of a robot file to the drivers of Dynamixel servos: an arm, or a head that is two joints of one."""
 
+from typing import TYPE_CHECKING
+
 from drivers.api import Joints
 from drivers.api.driver import Site
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.declared import DynamixelKeys, JointKeys, NeckJointKeys, NeckKeys
 from drivers.dynamixel.driver import DynamixelJoints
 from drivers.dynamixel.joint import JointSpec
-from drivers.joints_head import JointAxis, NeckDriver
+
+if TYPE_CHECKING:
+    from drivers.joints_head import JointAxis, NeckDriver
 
 REPLY_TIMEOUT = 0.005
 """Seconds that a servo's reply may be late, beside its time on the wire."""
@@ -30,8 +34,10 @@ def arm(keys: DynamixelKeys, site: Site) -> DynamixelJoints:
     )
 
 
-def neck(keys: NeckKeys, site: Site) -> NeckDriver:
+def neck(keys: NeckKeys, site: Site) -> "NeckDriver":
     """Return the driver of a head that is two of the arm's joints; the arm is opened and closed besides."""
+    from drivers.joints_head import NeckDriver  # noqa: PLC0415 - few heads are joints of an arm
+
     led: Joints = site.parts["arm"]
     return NeckDriver(
         led,
@@ -50,8 +56,10 @@ def joints(keys: DynamixelKeys) -> dict[str, JointSpec]:
     return {name: _joint(joint, keys.offsets.get(name)) for name, joint in keys.servos.items()}
 
 
-def axis(keys: NeckJointKeys) -> JointAxis:
+def axis(keys: NeckJointKeys) -> "JointAxis":
     """Return one joint of a neck."""
+    from drivers.joints_head import JointAxis  # noqa: PLC0415 - as above
+
     return JointAxis(keys.joint, keys.lower, keys.upper, trim=keys.trim)
 
 

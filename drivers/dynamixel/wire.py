@@ -3,12 +3,16 @@
 Request: ``FF FF ID LEN INST P1..PN CHK``; reply (status): ``FF FF ID LEN ERR P1..PN CHK``, with LEN = N + 2 and CHK the
 inverted low byte of the sum of everything between header and checksum. Source: ROBOTIS e-Manual, protocol 1.0.
 ``wire2`` is protocol 2.0 in the same terms; what both have in common is here.
+
+Feetech's STS and SMS servos share the frames of protocol 1.0. They answer a request that they understand, whatever they
+think of it: no error byte refuses one. A request that came damaged they do not answer. Broadcast pings collide. Source:
+the maker's protocol manual and memory table.
 """
 
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from functools import lru_cache
-from typing import ClassVar
+from typing import ClassVar, Final
 
 HEADER = b"\xff\xff"
 BROADCAST = 0xFE
@@ -179,3 +183,20 @@ class Parser:
     def _skip(self, count: int) -> None:
         self.skipped += count
         del self._buffer[:count]
+
+
+_STS_BITS: Final = {0: Fault.VOLTAGE, 1: Fault.ENCODER, 2: Fault.OVERHEATING, 3: Fault.CURRENT, 5: Fault.OVERLOAD}
+
+
+def sts_faults(status: int) -> Fault:
+    """Return what an error byte says, or register 65, ``status``."""
+    found = Fault(0)
+    for bit, fault in _STS_BITS.items():
+        if status >> bit & 1:
+            found |= fault
+    return found
+
+
+def sts_status(faults: Fault) -> int:
+    """Return the error byte that says ``faults``."""
+    return sum(1 << bit for bit, fault in _STS_BITS.items() if faults & fault)

@@ -6,9 +6,8 @@ of many all are silent, as with Dynamixels.
 
 from collections.abc import Iterator, Sequence
 
-from drivers.dynamixel.wire import BROADCAST, Packet, status
+from drivers.dynamixel.wire import BROADCAST, Packet, status, sts_status
 from drivers.dynamixel.wire2 import Instruction
-from drivers.dynamixel.wire_sts import status_of
 from drivers.virtual.obey1 import sync_write
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.slots import Slot
@@ -61,7 +60,7 @@ def _carry_out(servo: VirtualServo, packet: Packet) -> bytes | None:
 
 
 def _status(servo: VirtualServo, number: int, data: bytes) -> bytes:
-    return status(number, status_of(servo.faults), data)
+    return status(number, sts_status(servo.faults), data)
 
 
 def _in_turn(parameters: bytes, servos: Sequence[VirtualServo], now: float) -> Iterator[Slot]:

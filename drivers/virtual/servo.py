@@ -7,8 +7,7 @@ while a fault lasts, and an overload lasts until its torque is switched off.
 
 from math import pi
 
-from drivers.dynamixel import wire_sts
-from drivers.dynamixel.wire import Fault
+from drivers.dynamixel.wire import Fault, sts_status
 from drivers.dynamixel.wire2 import hardware_faults
 from drivers.sim.servo import Shaft
 from drivers.virtual.memory import FINE, Memory
@@ -152,7 +151,7 @@ class VirtualServo(Memory):
         if address + size > self._volatile:
             self._readings.tell(self.table, self._feel())
             if self.has("status"):
-                self.set("status", wire_sts.status_of(self.faults))
+                self.set("status", sts_status(self.faults))
         return bytes(self.table[address : address + size])
 
     def hold(self, address: int, data: bytes) -> Fault:
@@ -213,7 +212,7 @@ class VirtualServo(Memory):
             shut = self._latch(found | self.damage)
         elif self.model.protocol == "STS":
             self.faults = found
-            self._motor.weak = bool(found) and bool(wire_sts.status_of(found) & settings.shutdown)
+            self._motor.weak = bool(found) and bool(sts_status(found) & settings.shutdown)
             return  # its torque stays switched on: force returns with the end of the fault
         else:
             self.faults = found

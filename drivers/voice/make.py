@@ -13,7 +13,6 @@ from drivers.clock import Clock
 from drivers.voice.declared import SpeechKeys
 from drivers.voice.engines import Engine, Espeak, Piper
 from drivers.voice.player import Player
-from drivers.voice.printed import PrintedVoice
 from drivers.voice.program import KNOWN, Speaker, Synthesiser, find_synthesiser
 from drivers.voice.speech import SpeechVoice
 
@@ -45,6 +44,8 @@ def make_voice(
     """Return a voice; ``out`` prints what cannot be heard."""
     engine = _engine(wish, clock, report)
     if engine is None:
+        from drivers.voice.printed import PrintedVoice  # noqa: PLC0415 - a voice that is heard prints by itself
+
         return PrintedVoice(clock, out, usual=wish.usual, changed=changed)
     player = Player(clock, device=wish.device, volume=wish.volume, backend=wish.backend, report=report)
     return SpeechVoice(clock, engine, player, out, usual=wish.usual, report=report, changed=changed)

@@ -13,8 +13,7 @@ from drivers.clock import Clock
 from drivers.ports import refuse_other_than_serial
 from missions.assembly.assembled import Assembled, Looking
 from missions.assembly.lags import Lags
-from missions.assembly.order import with_carriers
-from missions.assembly.together import Hooks, Overrides, made_by, put_together
+from missions.assembly.together import Hooks, Overrides, made_by, put_together, with_carriers
 from missions.library.folders import state_folder
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from drivers.sim.viewpoint import Viewpoint, mounted
 from drivers.sim.world import ORIGIN, World
 from drivers.virtual.plugged import Plugged, Socket
 from drivers.virtual.terminal import Terminal
-from missions.assembly.order import making_order
+from missions.assembly.together import making_order
 from missions.assembly.worlds import build_physics, build_world
 
 D = TypeVar("D")

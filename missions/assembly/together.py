@@ -1,6 +1,9 @@
-"""Putting a robot together by the table of drivers: one loop, for the metal, for virtual devices and for twins."""
+"""Putting a robot together by the table of drivers: one loop, for the metal, for virtual devices and for twins.
 
-from collections.abc import Callable, Mapping
+The table also says in which order parts are made, and which of them bring others along.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -14,7 +17,6 @@ from drivers.api.sections import ArmKeys
 from drivers.clock import Clock, SystemClock
 from drivers.errors import BadRequest
 from missions.assembly.interests import Interests
-from missions.assembly.order import making_order
 from perception.api import Frame, Gaze, View
 
 if TYPE_CHECKING:
@@ -133,3 +135,27 @@ def gaze(stamp: float, base: Base | None, head: Head | None) -> Gaze:
     yaw = (heading or 0.0) + (pose.pan if pose is not None else 0.0)
     pitch = pose.tilt if pose is not None else 0.0
     return Gaze(yaw, pitch)
+
+
+def with_carriers(config: RobotConfig, chosen: frozenset[str]) -> frozenset[str]:
+    """Return the parts that a robot has of the ``chosen``, and those that carry them."""
+    if "camera" in chosen:
+        chosen |= {"head"}
+    chosen &= config.parts
+    return chosen | {need for kind in chosen for need in config.sections[kind].driver.needs if need in config.parts}
+
+
+def making_order(config: RobotConfig, chosen: frozenset[str]) -> Iterator[str]:
+    """Yield the ``chosen`` parts, each after those that its driver needs and those that its kind comes after."""
+    made: set[str] = set()
+
+    def make(part: str) -> Iterator[str]:
+        if part in made or part not in chosen or part not in config.sections:
+            return
+        made.add(part)
+        for before in (*config.sections[part].driver.needs, *config.kind_of(part).after):
+            yield from make(before)
+        yield part
+
+    for part in (*KINDS, *sorted(config.parts.difference(KINDS))):
+        yield from make(part)

@@ -22,9 +22,8 @@ from missions.assembly.detectors import face_detector
 from missions.assembly.eyes import vision
 from missions.assembly.gallery import recogniser
 from missions.assembly.interests import Interests
-from missions.assembly.order import with_carriers
 from missions.assembly.seeing import Glimpse, SensorNoise, SteppedEyes, TrueSight
-from missions.assembly.together import Hooks, gaze, made_by, put_together
+from missions.assembly.together import Hooks, gaze, made_by, put_together, with_carriers
 from missions.assembly.truth_names import TrueNames
 from missions.assembly.twins import Twins
 from missions.assembly.worlds import build_physics, build_world

@@ -1,13 +1,15 @@
 """What binds a run to others: to the server that has started it, by a leash, and to whoever reads what it writes.
 
 A robot that nobody hears of any more is not to drive on: ``mission run ... | head -1`` closes its stdout, which the
-kernel tells at once, not with the next line.
+kernel tells at once, not with the next line. A studio beside a run ends by a leash too.
 """
 
 import json
 import os
 import select
 import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from threading import Thread
@@ -104,3 +106,35 @@ def _watched(leash: int, stop: Callable[[str], None]) -> AbstractContextManager[
             os.kill(os.getpid(), signal.SIGTERM)
 
     return watching("leash", watch)
+
+
+FAREWELL = 5.0
+"""Seconds that the studio has to end; then it is killed, which stops no run."""
+
+studio_option = click.option("--studio", is_flag=True, help="Serve the page of `mission studio` meanwhile.")
+
+
+@contextmanager
+def studio_beside(*, wanted: bool) -> Iterator[None]:
+    """Serve a studio, in a process of its own, while this is entered; it ends with this process, however that ends.
+
+    It says its links on stderr. One that cannot be served says why, and the command goes on without.
+    """
+    if not wanted:
+        yield
+        return
+    reading, writing = os.pipe()
+    command = [sys.executable, "-m", "missions", "studio", "--leash", str(reading)]
+    studio = subprocess.Popen(  # noqa: S603 - ourselves
+        command, stdin=subprocess.DEVNULL, stdout=sys.stderr, pass_fds=(reading,), start_new_session=True
+    )
+    os.close(reading)
+    try:
+        yield
+    finally:
+        os.close(writing)
+        try:
+            studio.wait(FAREWELL)
+        except subprocess.TimeoutExpired:
+            studio.kill()
+            studio.wait()

@@ -10,12 +10,12 @@ from drivers.api.senses import CameraKeys
 from drivers.camera.source import Kind, kind_of
 from missions.assembly.detectors import face_detector
 from perception.api import Box, Detection, Image, Marker, Scene, Thing, Wanted
+from perception.change import measure
 from perception.finder import FaceFinder
 from perception.geometry import Pinhole
 from perception.identity import Recogniser
 from perception.markers import MarkerKind, MarkerSense
 from perception.pupils import EyeFinder
-from perception.scene import measure
 from perception.things import ThingSense
 
 IDEAL = CameraKeys(source="", field_of_view=radians(60), width=640, height=480, position=(0.0, 0.0, 0.0))

@@ -9,8 +9,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from config.faults import InvalidFileError
-from config.kinds import kinds_of
-from config.library import LISTED, MINE, SUFFIXES, UnknownNameError, shipped
+from config.library import LISTED, MINE, SUFFIXES, UnknownNameError, kinds_of, shipped
 
 FILE = "file"
 """What tells the shell to complete the names of files itself."""

@@ -13,8 +13,7 @@ import click
 
 from config.defaults import load_defaults
 from config.library import MINE, find
-from missions.cli.companion import studio_beside, studio_option
-from missions.cli.leash import leash_option
+from missions.cli.leash import leash_option, studio_beside, studio_option
 from missions.cli.names import MISSION, ROBOT, WORLD
 from missions.cli.numbers import Real, Whole
 from missions.cli.options import SECONDS, MissionCommand, behaviours_option, pairs, params_option

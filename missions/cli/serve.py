@@ -8,8 +8,8 @@ from threading import Event
 
 import click
 
-from missions.cli.companion import studio_beside, studio_option
 from missions.cli.joining import Joining, fleet_options, joined, joining
+from missions.cli.leash import studio_beside, studio_option
 from missions.cli.root import SUCCESS
 from missions.executive.signals import Signals
 from missions.library.folders import state_folder

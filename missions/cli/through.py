@@ -12,8 +12,7 @@ from drivers.camera.make import open_source
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
 from missions.assembly.assemble import Place
-from missions.assembly.order import making_order
-from missions.assembly.together import Hooks, Overrides
+from missions.assembly.together import Hooks, Overrides, making_order
 
 PICTURE_TIMEOUT = 5.0
 """Seconds in which a camera must show something, unless less was asked for."""

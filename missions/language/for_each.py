@@ -6,13 +6,12 @@ from config.faults import one_of
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import article, seen
 from drivers.api.quick import dataclass
-from missions.language import lists
 from missions.language.arguments import default_value
 from missions.language.modifiers import outdent, read_expression
 from missions.language.nodes import AT_ONCE, FOR_EACH, MISSION
 from missions.language.notes import Notes
 from missions.language.operators import described
-from missions.language.param_types import kind_of
+from missions.language.param_types import kind_of, list_members
 from missions.language.plan import Hole, Step
 from missions.language.values import UNREAD, Value, shown
 from missions.language.written import written_entries
@@ -94,7 +93,7 @@ def _members(notes: Notes, node: Node) -> Value:
 
 def _listed(notes: Notes, node: Listing) -> Value:
     try:
-        found = lists.members(node, default_value)
+        found = list_members(node, default_value)
     except ValueError as error:
         notes.fault(node.mark, f"'in' {error}")
         return UNREAD

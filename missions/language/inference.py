@@ -1,10 +1,16 @@
-"""What an expression makes, as far as that is known from what it reads; and where its parts do not go together."""
+"""What an expression makes, as far as that is known from what it reads, and whether that fits its place.
+
+Where its parts do not go together is found here too.
+"""
 
 import ast
+import re
 from collections.abc import Callable, Mapping
 
-from config.dimensions import NUMBER
-from config.faults import one_of
+from config.faults import Diagnostic, Mark, Source, one_of
+from config.marked import Scalar
+from config.units import NUMBER, UNITS, DimensionError, common, is_unit, quantity
+from drivers.api.quick import dataclass
 from missions.language.expressions import Expression
 from missions.language.kinds import (
     FLAG,
@@ -23,7 +29,7 @@ from missions.language.kinds import (
 )
 from missions.language.operators import combined
 from missions.language.spelling import WORDS
-from missions.language.values import Template, Value, multiply
+from missions.language.values import Template, Value, divide, multiply, needs
 
 Report = Callable[[ast.expr, str, str], None]
 """Takes a part of an expression, what is wrong with it, and what to write."""
@@ -182,3 +188,77 @@ def kind_made(value: Value, kinds: Mapping[str, Kind]) -> Kind:
         case Expression(tree=tree) | Template(parts=(Expression(tree=tree),)):
             return Inference(kinds).kind(tree)
     return TEXT
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """Where an expression stands: in which scalar of a file, as ``what``; ``wants`` is the kind of the argument."""
+
+    source: Source
+    node: Scalar
+    what: str
+    wants: str = ""
+
+    def place(self, column: int, length: int) -> Mark:
+        """Return the place of a part of the scalar's text: the whole of it where the file writes it otherwise."""
+        begin = self.node.mark.column - 1 + self.node.quoted
+        if self.source.line(self.node.mark.line).startswith(self.node.text[: column + length], begin):
+            return Mark(self.node.mark.line, begin + column + 1, length)
+        return self.node.mark
+
+
+def mismatches(formula: Template | Expression, where: Where, kinds: Mapping[str, Kind]) -> list[Diagnostic]:
+    """Return the mistakes in what is calculated here, where names are of these kinds."""
+    faults: list[Diagnostic] = []
+
+    def note(part: Expression, node: ast.expr, message: str, hint: str) -> None:
+        faults.append(Diagnostic(where.source, where.place(*part.place(node)), f"{where.what}{message}", hint))
+
+    parts = formula.parts if isinstance(formula, Template) else (formula,)
+    for number, part in enumerate(parts):
+        if isinstance(part, str):
+            continue
+
+        def report(node: ast.expr, message: str, hint: str, part: Expression = part) -> None:
+            note(part, node, f": {message}", hint)
+
+        kind = Inference(kinds, report).kind(part.tree)
+        after = parts[number + 1] if number + 1 < len(parts) else ""
+        wrong = _alone(kind, where.wants) if len(parts) == 1 else _before(kind, after, where.wants)
+        if wrong is not None:
+            note(part, part.tree, *wrong)
+    return faults
+
+
+def _alone(kind: Kind, wants: str) -> tuple[str, str] | None:
+    """Return what is wrong with a value of this kind, and what to write."""
+    if wants in UNITS:
+        if (is_size(kind) and not _same(kind, wants)) or kind in (TEXT, FLAG) or isinstance(kind, ListOf):
+            return f" {needs(wants)}, got {told(kind)}", multiply(wants) if kind in (NUMBER, PERCENT) else ""
+    elif wants in (NUMBER, "count") and is_size(kind) and not _same(kind, NUMBER):
+        return f" needs a number, got {told(kind)}", divide(str(kind))
+    return None
+
+
+def _before(kind: Kind, after: str | Expression, wants: str) -> tuple[str, str] | None:
+    """Return what is wrong with a value of this kind in a text, before a unit: "${n} deg"."""
+    word = _WORD.match(after) if isinstance(after, str) else None
+    if word is None or not is_unit(word[1]):
+        return None
+    if is_size(kind) and not _same(kind, NUMBER):
+        return f": {told(kind)} is written with its unit", f"leave '{word[1]}' out, or {divide(str(kind))}"
+    written = quantity(f"1 {word[1]}")
+    if wants in UNITS and written is not None and written.dimension != wants:
+        return f" {needs(wants)}, got {told(written.dimension)}", ""
+    return None
+
+
+_WORD = re.compile(r"\s*([A-Za-z%°][A-Za-z/^2²°%]*)")
+
+
+def _same(kind: Kind, dimension: str) -> bool:
+    try:
+        common(str(kind), dimension)
+    except DimensionError:
+        return False
+    return True

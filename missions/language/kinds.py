@@ -10,8 +10,7 @@ from functools import cache
 from types import NoneType, UnionType
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
-from config.dimensions import NUMBER, DimensionError, common, named
-from config.units import UNITS, Quantity
+from config.units import NUMBER, UNITS, DimensionError, Quantity, common, named
 from drivers.api.quick import dataclass
 from missions.language.members import members_of
 

@@ -13,7 +13,7 @@ from config.synonyms import plain_word
 from config.units import article, seen
 from drivers.api.quick import dataclass
 from missions.language.expressions import Expression, ExpressionError, Read
-from missions.language.fitting import Where, mismatches
+from missions.language.inference import Where, mismatches
 from missions.language.kinds import STATE, Kind, kind_of_value
 from missions.language.members import members_of
 from missions.language.operators import FUNCTIONS

@@ -10,8 +10,7 @@ import operator
 from collections.abc import Callable
 from typing import Any
 
-from config.dimensions import NUMBER, DimensionError, common, factor_of, product, quotient
-from config.units import Quantity, seen
+from config.units import NUMBER, DimensionError, Quantity, common, factor_of, product, quotient, seen
 
 MAX_TEXT = 10_000
 """Characters of a text that a mission makes: one that doubles at every tick must not fill the memory."""

@@ -1,20 +1,68 @@
-"""The types of a mission's params: what a caller may give, and what is made of it."""
+"""The types of a mission's params: what a caller may give, and what is made of it. A list is all of one kind."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 from behaviours.leaf import Argument
-from config.dimensions import NUMBER
-from config.faults import one_of
-from config.marked import Listing, Mapping, Node, Plain, Scalar, plain
-from config.units import UNITS, Quantity, article, quantity, seen
+from config.faults import InvalidFileError, Source, one_of
+from config.marked import Listing, Mapping, Node, Plain, Scalar, compose, plain
+from config.units import NUMBER, UNITS, Quantity, article, quantity, seen
 from drivers.api.quick import dataclass
-from missions.language import lists
 from missions.language.arguments import NAMES, converter, default_value, read_argument
 from missions.language.kinds import FLAG, TEXT, Kind, ListOf
 from missions.language.nodes import MISSION
 from missions.language.notes import Notes
 from missions.language.values import UNREAD, Convert, Value, shown
+
+FORM = "such as [kitchen, hall]"
+
+Meant = Callable[[Scalar], object]
+"""Returns the value that a scalar has, as a member of a list."""
+
+
+def list_members(node: Listing, meant: Meant) -> list[object]:
+    """Return the values of a list's members. Raises ValueError for what cannot be one."""
+    return [_member(item, meant) for item in node.items]
+
+
+def _member(node: Node, meant: Meant) -> object:
+    if not isinstance(node, Scalar):
+        raise ValueError("needs plain values as its members: a list holds no lists and no mappings")
+    if "${" in node.text:
+        raise ValueError(f"cannot have the member {seen(node.text)}: lists in a file hold plain values")
+    return meant(node)
+
+
+def typed_list(text: str, meant: Meant) -> list[object]:
+    """Read a list from a command line: ``kitchen, hall``, or in brackets. Raises ValueError."""
+    text = text.strip()
+    try:
+        node = compose(Source("", text if text.startswith("[") else f"[{text}]"))
+    except InvalidFileError:
+        node = None
+    if not isinstance(node, Listing):
+        raise ValueError(f"needs a list, such as 'kitchen, hall', got {seen(text)}")
+    return list_members(node, meant)
+
+
+def list_of(convert: Convert) -> Convert:
+    """Return what turns a list into one whose members ``convert`` has turned."""
+    return partial(_each, convert)
+
+
+def _each(convert: Convert, value: object) -> list[object]:
+    if not isinstance(value, list | tuple):
+        raise ValueError(f"needs a list, {FORM}, got {seen(value)}")
+    found = []
+    for number, each in enumerate(value, start=1):
+        try:
+            found.append(convert(each))
+        except (ValueError, LookupError) as error:
+            raise ValueError(f"has a wrong member {number}: it {error.args[0] if error.args else error}") from None
+    return found
+
 
 LIST = "list"
 """The type of a param that has members, all of one type."""
@@ -60,7 +108,7 @@ class ParamType:
     def take(self, text: str) -> object:
         """Read a value from a command line. Raises ValueError that says what was expected."""
         if self.kind == LIST:
-            return self.convert(lists.typed(text, self.meant))
+            return self.convert(typed_list(text, self.meant))
         if self.of in (*NAMES, *NAMED):
             return self.convert(text)
         found = quantity(text)
@@ -88,7 +136,7 @@ class ParamType:
             notes.fault(node.mark, f"{what} needs one value")
             return UNREAD
         try:
-            return notes.constant(node, lists.members(node, self.meant), what, self.convert)
+            return notes.constant(node, list_members(node, self.meant), what, self.convert)
         except ValueError as error:
             notes.fault(node.mark, f"{what} {error}")
             return UNREAD
@@ -161,7 +209,7 @@ def kind_of(value: object) -> str:
 def _of_kind(notes: Notes, argument: Argument, *, many: bool = False) -> ParamType:
     one = _keeping(converter(notes, argument), argument.kind)
     bounds = argument.low, argument.high, argument.choices
-    return ParamType(LIST if many else argument.kind, argument.kind, lists.of(one) if many else one, *bounds)
+    return ParamType(LIST if many else argument.kind, argument.kind, list_of(one) if many else one, *bounds)
 
 
 def _keeping(check: Convert, kind: str) -> Convert:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from behaviours.leaf import Leaf
-from config.kinds import kinds_of
+from config.library import kinds_of
 from config.marked import Listing, Mapping, Node, Scalar
 from config.synonyms import ours_for
 from config.units import seen

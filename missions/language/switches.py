@@ -6,10 +6,9 @@ The cases must be what the expression can make.
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 
-from config.dimensions import NUMBER
 from config.faults import Diagnostic, one_of
 from config.marked import Mapping, Node, Scalar
-from config.units import seen
+from config.units import NUMBER, seen
 from missions.language.arguments import default_value
 from missions.language.inference import kind_made
 from missions.language.kinds import FLAG, TEXT, Kind, is_size, joined, kind_of_value, told

@@ -6,14 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING
 
-from config.dimensions import example, named, unit_of
-from config.units import UNITS, Quantity, in_dimension
+from config.units import UNITS, Quantity, example, in_dimension, named, unit_of
 from drivers.api.quick import dataclass
 from missions.language.expressions import Expression, ExpressionError, Read, parse
 from missions.language.operators import short
 
 if TYPE_CHECKING:
-    from missions.language.fitting import Where
+    from missions.language.inference import Where
 
 Convert = Callable[[object], object]
 """Turns what a mission says into what a leaf takes; raises ValueError that says what is wrong."""

@@ -3,11 +3,10 @@
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
-from config.dimensions import NUMBER
 from config.faults import Diagnostic, note
-from missions.language.fitting import mismatches
+from config.units import NUMBER
 from missions.language.for_each import Members, own_steps
-from missions.language.inference import kind_made
+from missions.language.inference import kind_made, mismatches
 from missions.language.kinds import NOTHING, UNSETTLED, Kind, ListOf, Record, joined, kind_of_type, kind_of_value
 from missions.language.nodes import FOR_EACH, MISSION, SWITCHES
 from missions.language.notes import Notes

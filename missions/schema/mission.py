@@ -9,8 +9,7 @@ from behaviours.leaf import Leaf
 from config.controller import load_controller
 from config.gait import load_gait
 from config.gesture import load_gesture
-from config.kinds import KEYS
-from config.library import shipped
+from config.library import KEYS, shipped
 from config.marked import Mapping, Scalar, compose, read_source
 from missions.language.body import FORMS, IF_INTERRUPTED, PROPERTIES
 from missions.language.nodes import MISSION

@@ -12,8 +12,7 @@ from math import isfinite
 from pathlib import Path
 
 from config.faults import InvalidFileError
-from config.kinds import kinds_of
-from config.library import SUFFIXES, UnknownNameError, find, shipped
+from config.library import SUFFIXES, UnknownNameError, find, kinds_of, shipped
 from config.units import UNITS, written
 from config.world import load_world
 from missions.assembly.people import People, folder

@@ -16,8 +16,8 @@ from config.units import seen
 from config.world import load_world
 from drivers.api.joints import joint_called
 from drivers.api.sections import ArmKeys
-from missions.assembly.order import with_carriers
 from missions.assembly.target import target_of
+from missions.assembly.together import with_carriers
 from missions.language.nodes import MODIFIERS
 from missions.language.plan import Plan, Step
 from missions.language.written import as_written

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.tracking.ahead import MAX_LOOKAHEAD, Ahead
+from behaviours.tracking.foresight import MAX_LOOKAHEAD, Ahead
 from behaviours.tracking.lag import BRAKING, Lag, Turning, ramped
 
 

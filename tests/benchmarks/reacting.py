@@ -76,7 +76,7 @@ class Frame:
 
 
 class Stage:
-    """Shows a face at one of two places from where the head looks: a ``perception.source.FrameSource``."""
+    """Shows a face at one of two places from where the head looks: a ``perception.senses.FrameSource``."""
 
     def __init__(self, clock: Clock, head: Head) -> None:
         lens = Pinhole(640, 480, math.radians(60))

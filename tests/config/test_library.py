@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config.kinds import kinds_of
-from config.library import UnknownNameError, find, shipped
+from config.library import UnknownNameError, find, kinds_of, shipped
 
 KINDS = ("robots", "gestures", "worlds", "controllers")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from config.faults import InvalidFileError
-from config.kinds import kinds_of
+from config.library import kinds_of
 from config.marked import read_source
 from config.reading import read_regular
 

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from config.dimensions import BASES, powers
-from config.units import UNITS, Quantity, quantity
+from config.units import BASES, UNITS, Quantity, powers, quantity
 from missions.language.expressions import ExpressionError, parse
 from missions.language.inference import Inference
 from missions.language.kinds import FLAG, UNSETTLED, kind_of_value

@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 
 RUN = """
 import re, sys, time
-from missions.executive.lifeline import Lifeline
+from missions.executive.signals import Lifeline
 from missions.executive.signals import Signals
 with Signals(lambda word: None) as signals, Lifeline(signals, silence=0.5) as line:
     print("ready", flush=True)

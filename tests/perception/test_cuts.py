@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from perception.api import Box, Image
-from perception.cuts import around, whole
+from perception.faces import around, whole
 from perception.light import lightened
 
 SPOT = (200.0, 120.0)

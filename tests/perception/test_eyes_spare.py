@@ -14,8 +14,7 @@ from perception.eyes import PACE, Eyes, Vision
 from perception.finder import EMPTY, FaceFinder
 from perception.geometry import Pinhole
 from perception.light import Grey
-from perception.senses import FaceSense, Finder, Senses
-from perception.source import FrameSource
+from perception.senses import FaceSense, Finder, FrameSource, Senses
 from perception.tracks import Tracker
 from tests.perception.test_finder import Counting, wall
 from tests.waiting import wait_until

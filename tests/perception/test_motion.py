@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from perception.geometry import wrap
-from perception.motion import MEASURED, Motion
+from perception.tracks import MEASURED, Motion
 
 
 @given(st.floats(-1, 1), st.lists(st.floats(0.01, 0.3), min_size=20, max_size=40))

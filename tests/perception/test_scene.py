@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from perception.api import Image
-from perception.scene import measure
+from perception.change import measure
 
 UNIFORM = 6.0
 """The contrast up to which `scene_uniform` calls a picture uniform."""

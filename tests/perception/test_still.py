@@ -5,8 +5,7 @@ import pytest
 
 from perception.api import Box, Detection, Image
 from perception.finder import EMPTY, TURNING, FaceFinder
-from perception.still import AGAIN, Still
-from perception.turns import ANY, Search
+from perception.turns import AGAIN, ANY, Search, Still
 
 SMALL = Search(largest=0.06)
 

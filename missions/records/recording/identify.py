@@ -5,7 +5,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from config.kinds import kinds_of, wrong_kind
+from config.library import kinds_of, wrong_kind
 from missions.records.recording.codec import from_json
 from missions.records.recording.faults import InvalidRecordError, seconds, strict_json, understanding
 from missions.records.recording.head import FORMAT, METADATA, Head

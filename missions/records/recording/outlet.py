@@ -1,4 +1,4 @@
-"""The way from a run to the process that writes its record, and what that tells in return."""
+"""The way from a run to the process that writes its record, and what that tells in return: also what is lost."""
 
 import fcntl
 import json
@@ -9,13 +9,40 @@ import sys
 from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import field
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from drivers.api.quick import dataclass
 from drivers.clock import SystemClock
 from missions.records.recording.head import Contents
 from missions.records.recording.items import HEADER, packed
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """What is missing in a record: messages by topic, and why. ``ended`` is when it reached its limit (s), or None."""
+
+    counts: Mapping[str, int] = field(default_factory=dict)
+    why: str = ""
+    ended: float | None = None
+
+    def __bool__(self) -> bool:
+        return bool(self.counts or self.why or self.ended is not None)
+
+    def __str__(self) -> str:
+        """Say it in a line for people; nothing where nothing is missing."""
+        said = []
+        if self.counts:
+            named = ", ".join(f"{count} on {topic}" for topic, count in sorted(self.counts.items()))
+            said.append(f"{sum(self.counts.values())} messages are missing ({self.why or 'lost'}): {named}")
+        elif self.why:
+            said.append(self.why)
+        if self.ended is not None:
+            said.append(f"it reached its limit at {self.ended:.1f} s and ends there")
+        return "; ".join(said)
+
 
 START_TIME = 20.0
 """Seconds that the process has to begin: it takes half of one, but machines are busy."""

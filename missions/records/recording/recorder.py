@@ -26,8 +26,7 @@ from missions.records.recording.budget import FRAMES, LIMIT, FrameBudget
 from missions.records.recording.camera import Pictures
 from missions.records.recording.head import Contents
 from missions.records.recording.items import EVENTS, Checked, Feedback, Missed, Picture, Seen, packed, topic_of
-from missions.records.recording.loss import Loss
-from missions.records.recording.outlet import Outlet
+from missions.records.recording.outlet import Loss, Outlet
 from perception.api import Frame, Gaze, View
 
 PERIOD = 0.15

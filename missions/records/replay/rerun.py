@@ -12,8 +12,7 @@ from typing import Protocol
 from behaviours.run import Run
 from config.robot import RobotConfig
 from drivers.clock import ManualClock
-from missions.assembly.order import with_carriers
-from missions.assembly.together import eye, groups
+from missions.assembly.together import eye, groups, with_carriers
 from missions.executive.answers import Answers
 from missions.executive.asked import asked, robot_for
 from missions.executive.build import Substitute, as_it_is, build

@@ -10,8 +10,8 @@ from missions.records.report.joints import sentences as about_joints
 from missions.records.report.percepts import Sighting
 from missions.records.report.study import Study
 from missions.records.report.timeline import Lane
+from missions.views.pictures.draw import CONDITION
 from missions.views.pictures.drawing import Drawing
-from missions.views.pictures.symbols import CONDITION
 from missions.views.words import Named, counted, in_seconds, names_in
 
 STILL = 0.01

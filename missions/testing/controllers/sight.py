@@ -11,7 +11,7 @@ from perception.api import Box, Face, Gaze, View
 from perception.delay import GRID, Delay, Floats
 from perception.eyes import NewestView
 from perception.geometry import FACE_WIDTH, Pinhole
-from perception.motion import Motion
+from perception.tracks import Motion
 
 NOISE = SensorNoise().noise
 """Pixels by which a found face is off, one sigma: as in simulations whose eyes know the truth."""

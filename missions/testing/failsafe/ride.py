@@ -11,7 +11,7 @@ from drivers.errors import DriverError, NotConnected
 from drivers.kobuki.steered import settings_of
 from drivers.sim.timeline import Timeline
 from drivers.sim.twins.base import BaseTwin
-from missions.executive.decided import Decided
+from missions.executive.asked import Decided
 from missions.executive.events import Stream
 from missions.executive.guard import Guard
 from missions.testing.failsafe.settings import (

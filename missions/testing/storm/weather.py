@@ -15,8 +15,8 @@ from config.library import find
 from config.robot import RobotConfig
 from config.world import BatteryConfig, WorldConfig, load_world
 from drivers.api.sections import ArmKeys
-from missions.assembly.order import with_carriers
 from missions.assembly.target import target_of
+from missions.assembly.together import with_carriers
 from missions.language.document import check_plan
 from missions.language.plan import Plan
 from missions.library.drivers import robot_of

@@ -1,4 +1,7 @@
-"""From a checked mission to the drawing of its tree; the drawing with statuses; the drawing with parts folded away."""
+"""From a checked mission to the drawing of its tree; the drawing with statuses; the drawing with parts folded away.
+
+Kinds of nodes have signs in the notation of behaviour trees.
+"""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -6,10 +9,30 @@ from dataclasses import replace
 from itertools import chain, repeat
 from pathlib import Path
 
-from missions.language.nodes import MISSION, MODIFIERS, SWITCHES
+from missions.language.nodes import BRANCHES, MISSION, MODIFIERS, SWITCHES
 from missions.language.plan import Plan, Step
 from missions.views.pictures.drawing import Badge, Box, Drawing, Now
-from missions.views.pictures.symbols import symbol_of
+
+CONDITION, ACTION = "◇", "■"
+"""The signs of leaves: one that only asks a part of the robot, within a tick, and one that does something."""
+
+
+def symbol_of(step: Step) -> str:
+    """Return the sign of a step that is no modifier."""
+    leaf = step.leaf
+    if leaf is None:
+        return BRANCHES[step.kind].symbol
+    return CONDITION if leaf.instant and leaf.needs and not leaf.drives else ACTION
+
+
+def legend() -> tuple[tuple[str, str, str], ...]:
+    """Return each sign with the kind of node that it stands for, and what such a node does."""
+    return (
+        *((kind.symbol, word, kind.help) for word, kind in BRANCHES.items()),
+        (CONDITION, "condition", "asks a part of the robot, and answers at once"),
+        (ACTION, "action", "does something"),
+    )
+
 
 HERE = Path(__file__).parents[2]
 """Where the shipped missions are; a picture names their files without it."""

@@ -11,6 +11,7 @@ from missions.language.nodes import MISSION
 from missions.views.pictures.canvas import Canvas
 from missions.views.pictures.card import BADGE_PAD, BAND, SMALL, Line
 from missions.views.pictures.compare import CHANGES, Change, Comparison
+from missions.views.pictures.draw import ACTION, CONDITION
 from missions.views.pictures.drawing import SIGNS, Box, Drawing, Status
 from missions.views.pictures.layout import (
     GAP,
@@ -26,7 +27,6 @@ from missions.views.pictures.layout import (
     lay_out_pair,
 )
 from missions.views.pictures.measure import cut, width
-from missions.views.pictures.symbols import ACTION, CONDITION
 
 MARGIN, HEADER, LEGEND, MOMENT = 28, 88, 50, 140
 """Pixels around the tree, above it for the title, below it for the legend, and beside the title for the moment."""

@@ -16,7 +16,7 @@ from drivers.api import ignore
 from drivers.errors import DeviceFault
 from drivers.kobuki.steered import SteeredBase
 from drivers.sim.twins.joints import JointsTwin
-from missions.executive.decided import Decided
+from missions.executive.asked import Decided
 from missions.executive.executive import Executive
 from missions.testing.storm import invariants
 from missions.testing.storm.others import OTHERS, others_of

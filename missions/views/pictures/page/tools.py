@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 
+from missions.views.pictures.draw import legend
 from missions.views.pictures.drawing import SIGNS, Drawing, Status
 from missions.views.pictures.page.markup import Markup, join, start, tag
-from missions.views.pictures.symbols import legend
 
 STATUSES: Mapping[Status, str] = {
     "idle": "is not being asked",

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from behaviours.tracking import ahead, lag
+from behaviours.tracking import foresight, lag
 from behaviours.tracking.follow import HEAD_LAG
 from behaviours.tracking.lag import Lag, ramped
 from behaviours.tracking.rules import RuleBases
@@ -184,7 +184,7 @@ def test_nothing_swings_where_a_robot_is_not_what_its_file_says(
         monkeypatch.setattr(HeadTwin, "true_pose", lambda head, now: head.pose_at(now - 0.05) or HeadPose(0.0, 0.0))
     else:  # half as quick as is believed
         monkeypatch.setattr(trial, "BASE", replace(BASE, angular_acceleration=BASE.angular_acceleration / 2))
-        for module in (lag, ahead):
+        for module in (lag, foresight):
             monkeypatch.setattr(module, "ramped", lambda rate, told, most: ramped(rate, told, 2 * most))
     step, walk = (Scenario(path.__name__, path, learning=LEARNING) for path in (stands, walks))
     sways = Scenario("sways", swings(2.0), learning=LEARNING, seconds=9.0, settled=3.0)
