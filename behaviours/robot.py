@@ -1,13 +1,14 @@
 """The robot as a leaf sees it: its parts by name, behind the protocols of the drivers."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import field, replace
 from typing import Any, TypeVar
 
 from behaviours.joint_ranges import JointRanges
+from behaviours.run import log
 from behaviours.tracking.lag import Lag
 from drivers.api import Base, Head, Imu, Joints, Ranger, Ros2, Screen, Voice
-from drivers.api.kinds import KINDS
+from drivers.api.kinds import KINDS, Kind
 from drivers.api.quick import dataclass
 from drivers.errors import BadRequest
 from perception.api import Hearing, Sight
@@ -112,6 +113,11 @@ class Robot:
         """The nodes of ROS 2."""
         return _there(self.ros2_part, "ros2")
 
+    @property
+    def parts(self) -> frozenset[str]:
+        """The names of the parts that are there."""
+        return frozenset(name for name, _, part in _parts(self) if part is not None)
+
     def of(self, named: Mapping[str, str]) -> "Robot":
         """Return the robot as who means these parts sees it, each named by its kind: that one is its only one.
 
@@ -130,6 +136,26 @@ class Robot:
                 found["groups"] = other.groups
             robot = replace(robot, **found)
         return robot
+
+
+def hold_still(robot: Robot, claims: frozenset[str]) -> None:
+    """Make the named actuators hold still: base and head stopped, arm stiff where it is, voice silent.
+
+    Each for itself, whatever goes wrong with another; that is told in the log.
+    """
+    for name, kind, part in _parts(robot):
+        if (still := kind.still) is None or part is None or name not in claims:
+            continue
+        try:
+            still(part)
+        except Exception:  # the next part must hold still all the same
+            log.exception("%s could not be made to hold still", name)
+
+
+def _parts(robot: Robot) -> Iterator[tuple[str, Kind, Any]]:
+    """Yield each part with its name and kind; None for one that is not there."""
+    yield from ((kind.name, kind, getattr(robot, f"{kind.field}_part")) for kind in KINDS.values())
+    yield from ((name, KINDS[other.kind], other.part) for name, other in robot.others.items())
 
 
 def _there(part: Part | None, name: str) -> Part:

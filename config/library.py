@@ -16,6 +16,10 @@ HERE = Path(__file__).parent
 LISTED = ("missions", "robots", "worlds", "gestures", "controllers", "objects")
 """The kinds that `mission list` knows."""
 
+DEFAULT_ROBOT = "turtlebot2_arm"
+DEFAULT_WORLD = "living_room"
+"""What is meant where nothing is named."""
+
 SUFFIXES = (".yaml", ".yml")
 
 SHEETS = (".csv", ".xls", ".xlsx", ".ods")

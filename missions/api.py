@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Literal, Self
@@ -16,14 +17,12 @@ from py_trees.common import Status
 
 from behaviours.foreign import Around
 from behaviours.node import Node
-from behaviours.robot import Robot
+from behaviours.robot import Robot, hold_still
 from behaviours.run import Run, log
 from drivers.api import Reflexes
-from drivers.api.kinds import KINDS, SOUNDING
+from drivers.api.kinds import SOUNDING
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
-from missions.assembly.assembled import Assembled
-from missions.assembly.target import target_of_parts
 from missions.executive.answers import Answers
 from missions.executive.asked import asked
 from missions.executive.build import build
@@ -32,10 +31,9 @@ from missions.executive.executive import Executive, Result
 from missions.executive.guard import Guard
 from missions.executive.state import state_of
 from missions.executive.watchdog import Limits
-from missions.library.shipped import behaviour_files, load_mission
-from missions.library.vocabulary import vocabulary
 from missions.order import RunRequest, Simulate, contradictions
-from missions.runner import PATIENT, Runner
+from missions.runner import PATIENT, Runner, ports_of
+from missions.runner import load as load_plan
 from missions.studio.control import ControlSocket
 from missions.studio.pictures import Pictures
 
@@ -171,12 +169,9 @@ def load(
 
         return Mission(runner.executive, runner=runner, opening=opening)
     parts = Robot() if robot is None else robot
-    has = frozenset(part for part, device in _devices(parts).items() if device is not None)
-    target = None if robot is None else target_of_parts(parts, has)
-    own = behaviour_files(str(path), files)
-    plan = load_mission(str(path), params=given, complete=True, robot=target, leaves=vocabulary(own))
+    plan = load_plan(RunRequest(str(path), given, behaviours=files), robot)
     run = Run(SystemClock(), seed=seed)
-    run.safe_stop = Assembled(plan.mission, parts, {}).safe_stop
+    run.safe_stop = partial(hold_still, parts)
     stream, answers = Stream(), Answers()
     asking = asked(parts, answers)
     base = asking.base_part
@@ -184,7 +179,7 @@ def load(
     run.variables.update(state_of(asking, run, guard))
     root = build(plan, run, lambda node: asking.of(getattr(node, "named_parts", {})))
     executive = Executive(root, run, stream, mission=plan.mission, guard=guard, answers=answers)
-    return Mission(executive, lacks=(plan.tree.needs | plan.tree.claims) - has)
+    return Mission(executive, lacks=(plan.tree.needs | plan.tree.claims) - parts.parts)
 
 
 def wrap(tree: Behaviour) -> Mission:
@@ -236,7 +231,7 @@ def run(
         eyes=eyes,
         speed=speed,
     )
-    if why := "; ".join(contradictions(order, _argument)):
+    if why := "; ".join(contradictions(order, _argument, ports_of)):
         raise ValueError(why)
     limits = replace(PATIENT if order.simulation == "fast" else Limits(), lost=math.inf)
     pictures = Pictures()
@@ -269,8 +264,3 @@ def _texts(params: Params | None) -> dict[str, str]:
     return {
         name: str(value).lower() if isinstance(value, bool) else str(value) for name, value in (params or {}).items()
     }
-
-
-def _devices(robot: Robot) -> dict[str, object | None]:
-    own = {kind.name: getattr(robot, f"{kind.field}_part") for kind in KINDS.values()}
-    return own | {name: other.part for name, other in robot.others.items()}

@@ -1,25 +1,19 @@
 """The request to run a mission, on a robot, in a world, by their names."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from config.library import find
-from config.robot import RobotConfig
+from config.library import DEFAULT_WORLD, find
 from drivers.api.kinds import WIRED
 from drivers.api.quick import dataclass
 from drivers.api.renamed import renamed
-from drivers.api.sections import Wired
 from drivers.camera.source import Kind, kind_of
-from missions.library.drivers import load_robot
 
 if TYPE_CHECKING:
     from config.world import WorldConfig
-
-DEFAULT_ROBOT = "turtlebot2_arm"
-DEFAULT_WORLD = "living_room"
 
 Simulate = Literal["wire", "fast"]
 """How a robot is simulated: real drivers over virtual devices in real time, or twins in simulated time."""
@@ -61,14 +55,7 @@ class RunRequest:
         """The name of what a simulated robot stands in; empty for a robot that moves."""
         if self.simulation is None:
             return ""
-        return self.world if isinstance(self.world, str) else DEFAULT_WORLD
-
-    def robot_file(self) -> RobotConfig:
-        """Read the robot's file. Raises InvalidFileError or UnknownNameError."""
-        robot = load_robot(find("robots", self.robot or DEFAULT_ROBOT))
-        if self.ros2_domain is None or "ros2" not in robot.sections:
-            return robot
-        return robot.with_keys("ros2", replace(robot.sections["ros2"].keys, domain=self.ros2_domain))
+        return (self.world if self.world is None or isinstance(self.world, str) else self.world.name) or DEFAULT_WORLD
 
     def world_file(self) -> "WorldConfig":
         """Read the world's file, unless it was handed over as it is. Raises InvalidFileError or UnknownNameError."""
@@ -79,10 +66,13 @@ class RunRequest:
         return self.world
 
 
-def contradictions(order: RunRequest, named: Callable[..., str]) -> Iterator[str]:
+def contradictions(
+    order: RunRequest, named: Callable[..., str], ports_of: Callable[[RunRequest], Sequence[str]]
+) -> Iterator[str]:
     """Yield what of a request contradicts the rest of it, or could only be ignored.
 
     ``named(name, value)`` returns how the user writes a wish: ``--simulate fast``, or ``simulate="fast"``.
+    ``ports_of(order)`` returns the parts with ports that its robot has under names of their own.
     """
     fast, wire = named("simulate", "fast"), named("simulate", "wire")
     if order.simulation != "fast":
@@ -97,18 +87,12 @@ def contradictions(order: RunRequest, named: Callable[..., str]) -> Iterator[str
     if order.ports and order.simulation is not None:
         yield f"{named('port')} names real ports: it goes with {named('robot', 'NAME')}, and not with a simulation"
     for part in order.ports:
-        if part not in WIRED and part not in (others := _wired_others(order)):
+        if part not in WIRED and part not in (others := ports_of(order)):
             yield f"{named('port')}: '{part}' is no part with a port; these are: {', '.join((*WIRED, *others))}"
     if order.world is not None and order.simulation is None:
         yield f"{named('world')} is for a simulated robot: add {wire}, or leave it out"
     if order.camera is not None and not _may_be_camera(order.camera):
         yield f"{named('camera')}: '{order.camera}': no such file, and no index, device or address of a camera"
-
-
-def _wired_others(order: RunRequest) -> list[str]:
-    """Return the parts under names of their own that have a port, as the robot's file has them."""
-    robot = order.robot_file()
-    return [name for name in robot.others if isinstance(robot.sections[name].keys, Wired)]
 
 
 def _may_be_camera(source: str) -> bool:

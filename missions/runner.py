@@ -11,12 +11,11 @@ from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import Run, log
 from config.robot import RobotConfig
+from drivers.api.sections import Wired
 from drivers.clock import Clock, SystemClock
 from missions.assembly.assemble import assemble
 from missions.assembly.assembled import Assembled
-from missions.assembly.interests import interests_of
-from missions.assembly.target import target_of
-from missions.assembly.together import Hooks, Overrides
+from missions.assembly.together import Hooks, MakePad, Overrides
 from missions.executive.answers import Answers
 from missions.executive.asked import Decided, asked, robot_for
 from missions.executive.build import Substitute, as_it_is, build
@@ -30,7 +29,10 @@ from missions.executive.stop_latch import StopLatch
 from missions.executive.telling import Teller, logging_to
 from missions.executive.watchdog import Limits, Watchdog, attempt_all
 from missions.language.plan import Plan
+from missions.library.drivers import robot_named
+from missions.library.interests import interests_of
 from missions.library.shipped import behaviour_files, load_mission
+from missions.library.target import target_of, target_of_parts
 from missions.library.vocabulary import vocabulary
 from missions.order import RunRequest
 from perception.api import Frame, Gaze, View, ignore
@@ -55,10 +57,11 @@ class Runner:
     """One run of one mission. Make it (which reads and checks everything), then ``run`` it, once.
 
     ``give_up`` is called, from the watchdog's thread, once the robot is closed because the main thread hangs for good.
-    ``substitute`` may put another leaf in the place of each: a mock. ``twins`` are the robot in simulated time.
-    ``plan`` is the order's mission where that was loaded before: a plan can be run any number of times.
-    ``on_moment`` is told of every moment of the executive, with all that it was told from outside; ``on_view`` of what
-    perception finds, and ``on_frame`` of each picture that it has searched, on the threads of the eyes.
+    ``substitute`` may put another leaf in the place of each: a mock. ``twins`` are the robot in simulated time. ``pad``
+    makes what reads the order's game pad. ``plan`` is the order's mission where that was loaded before: a plan can be
+    run any number of times. ``on_moment`` is told of every moment of the executive, with all that it was told from
+    outside; ``on_view`` of what perception finds, and ``on_frame`` of each picture that it has searched, on the threads
+    of the eyes.
     Raises InvalidFileError or UnknownNameError for what is wrong with the files; nothing has been opened then.
     """
 
@@ -74,10 +77,11 @@ class Runner:
         on_moment: OnMoment | None = None,
         on_view: Callable[[View], None] = ignore,
         on_frame: Callable[[Frame, Gaze | None], None] = ignore,
+        pad: MakePad | None = None,
     ) -> None:
         self.order = order
-        self.config = order.robot_file()
-        self._on_view, self._on_frame = on_view, on_frame
+        self.config = robot_of(order)
+        self._on_view, self._on_frame, self._pad = on_view, on_frame, pad
         self.plan: Plan = load(order, self.config) if plan is None else plan
         self.stream = Stream(listeners)
         self._give_up = give_up
@@ -133,7 +137,7 @@ class Runner:
         """Return the run and the robot in real time: on the metal, or on virtual devices."""
         world = None if order.simulation is None else order.world_file()
         interests = interests_of(self.plan.tree, self.config.camera)
-        overrides = Overrides(world, order.camera, order.ports, order.seed, interests, order.pad)
+        overrides = Overrides(world, order.camera, order.ports, order.seed, interests, self._pad)
         run = Run(overrides.clock(), seed=order.seed)
         self._tell = Teller(run, self.stream)
         return run, assemble(self.config, self.plan.tree.parts, run.clock, overrides, self._hooks(run))
@@ -268,12 +272,26 @@ class Runner:
             self.stream.emit(FaultRaised(self.executive.time(), part, "fault", detail))
 
 
-def load(order: RunRequest, robot: RobotConfig) -> Plan:
-    """Read and check the mission of ``order`` for a robot. Raises InvalidFileError or UnknownNameError."""
+def robot_of(order: RunRequest) -> RobotConfig:
+    """Read the file of the order's robot. Raises InvalidFileError or UnknownNameError."""
+    return robot_named(order.robot, order.ros2_domain)
+
+
+def ports_of(order: RunRequest) -> Sequence[str]:
+    """Return the parts of the order's robot under names of their own that have a port. Raises as ``robot_of`` does."""
+    robot = robot_of(order)
+    return [name for name in robot.others if isinstance(robot.sections[name].keys, Wired)]
+
+
+def load(order: RunRequest, robot: RobotConfig | Robot | None) -> Plan:
+    """Read and check the mission of ``order``, for a robot of a file, one that is there, or any.
+
+    Raises InvalidFileError or UnknownNameError.
+    """
     return load_mission(
         order.mission,
         params=order.params,
         complete=True,
-        robot=target_of(robot),
+        robot=target_of_parts(robot) if isinstance(robot, Robot) else None if robot is None else target_of(robot),
         leaves=vocabulary(behaviour_files(order.mission, order.behaviours)),
     )

@@ -1,7 +1,6 @@
 """From the keys of a robot file to the driver of a Rodney head."""
 
-from typing import TYPE_CHECKING
-
+from drivers.api import Head
 from drivers.api.driver import Site
 from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
@@ -10,13 +9,10 @@ from drivers.arduino.driver import ArduinoHead
 from drivers.arduino.memory import Memory
 from drivers.link import Link
 
-if TYPE_CHECKING:
-    from drivers.keeper.head import KeeperHead
-
 CURE = "flash docs/keeper_head/keeper_head.ino; look at its power and its cable"
 
 
-def make(keys: ArduinoKeys, site: Site) -> "ArduinoHead | KeeperHead":
+def make(keys: ArduinoKeys, site: Site) -> Head:
     """Return the driver; where its servos were left is kept, but for a virtual one."""
     link = Link(site.part, site.port, keys.baud, report=site.report)
     remembered = None if site.state is None else Memory(site.state, site.port)

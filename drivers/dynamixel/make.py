@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from drivers.api import Joints
+from drivers.api import Head, Joints
 from drivers.api.driver import Site
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.declared import DynamixelKeys, JointKeys, NeckJointKeys, NeckKeys
@@ -10,7 +10,7 @@ from drivers.dynamixel.driver import DynamixelJoints
 from drivers.dynamixel.joint import JointSpec
 
 if TYPE_CHECKING:
-    from drivers.joints_head import JointAxis, NeckDriver
+    from drivers.joints_head import JointAxis
 
 REPLY_TIMEOUT = 0.005
 """Seconds that a servo's reply may be late, beside its time on the wire."""
@@ -34,7 +34,7 @@ def arm(keys: DynamixelKeys, site: Site) -> DynamixelJoints:
     )
 
 
-def neck(keys: NeckKeys, site: Site) -> "NeckDriver":
+def neck(keys: NeckKeys, site: Site) -> Head:
     """Return the driver of a head that is two of the arm's joints; the arm is opened and closed besides."""
     from drivers.joints_head import NeckDriver  # noqa: PLC0415 - few heads are joints of an arm
 

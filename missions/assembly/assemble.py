@@ -127,7 +127,6 @@ def assemble(
     place.refuse_other_ports(chosen)
     robot, devices = put_together(config, chosen, place)
     if wishes.pad is not None and robot.base_part is not None:
-        beside, pad_at = resolved("missions.hands.teleop.beside:Beside"), resolved("missions.hands.teleop.pad:pad_at")
-        devices["pad"] = beside(robot.base_part, partial(pad_at, wishes.pad, clock), clock, report=audience.report)
+        devices["pad"] = wishes.pad(robot.base_part, clock, audience.report)
     robot = replace(robot, lag=place.lags.lag)
     return Assembled(config.name, robot, devices, place.eyes, place.simulation, place.lags)

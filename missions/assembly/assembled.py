@@ -3,10 +3,10 @@
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Protocol
 
-from behaviours.robot import Robot
-from behaviours.run import Run, log
+from behaviours.robot import Robot, hold_still
+from behaviours.run import Run
 from drivers.api import Device, DeviceStatus, Health, Report
-from drivers.api.kinds import KINDS, SOUNDING, STILLED
+from drivers.api.kinds import SOUNDING, STILLED
 from drivers.api.quick import dataclass
 from drivers.errors import NotConnected
 from missions.assembly.lags import Lags
@@ -114,15 +114,7 @@ class Assembled:
 
         Each for itself, whatever goes wrong with another; that is told in the log.
         """
-        parts = [(kind.name, kind, getattr(self.robot, f"{kind.field}_part")) for kind in KINDS.values()]
-        parts += [(name, KINDS[other.kind], other.part) for name, other in self.robot.others.items()]
-        for name, kind, part in parts:
-            if (still := kind.still) is None or part is None or name not in claims:
-                continue
-            try:
-                still(part)
-            except Exception:  # the next part must hold still all the same
-                log.exception("%s could not be made to hold still", name)
+        hold_still(self.robot, claims)
 
     def close(self) -> list[str]:
         """Bring every actuator to rest, then release every port. Returns what went wrong; safe more than once."""

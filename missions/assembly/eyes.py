@@ -14,8 +14,8 @@ from drivers.camera.make import make
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from missions.assembly.detectors import face_detector
-from missions.assembly.interests import Interests
 from missions.assembly.together import gaze
+from missions.library.interests import Interests
 from perception.api import Face, Frame, Gaze, Marker, Scene, Sight, Thing, View, Wanted, ignore
 from perception.change import MotionSense
 from perception.delay import Delay

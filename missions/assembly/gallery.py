@@ -7,8 +7,8 @@ from config.people import PersonConfig
 from drivers.api import DeviceStatus, Report
 from drivers.api.senses import CameraKeys
 from missions.assembly.detectors import yunet_file
-from missions.assembly.interests import Interests
-from missions.assembly.people import People, PeopleError, folder
+from missions.library.interests import Interests
+from missions.library.people import People, PeopleError, folder
 from perception.api import Box, Image
 from perception.dlib_people import DlibDescriber, DlibPeople
 from perception.identity import Look, Nobody, Recogniser

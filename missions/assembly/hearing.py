@@ -11,7 +11,7 @@ from drivers.api.senses import MicrophoneKeys
 from drivers.clock import Clock
 from drivers.pipe import Worker
 from missions.assembly.duplex import HalfDuplex
-from missions.assembly.pronouncing import lexicon_for
+from missions.library.pronouncing import lexicon_for
 from perception.api import Hearing as Heard
 from perception.api import Words, ignore
 from perception.hearing.acceptance import learned

@@ -9,9 +9,9 @@ from config.colours import COLOURS
 from drivers.sim.timeline import Timeline
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
-from missions.assembly.interests import Interests
 from missions.assembly.truth import SensorNoise, Truth
 from missions.assembly.truth_names import TrueNames
+from missions.library.interests import Interests
 from perception.api import Face, Gaze, Marker, Scene, Thing, View
 from perception.eyes import NewestView
 from perception.geometry import Pinhole

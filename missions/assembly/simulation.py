@@ -21,7 +21,7 @@ from drivers.sim.world import ORIGIN, World
 from drivers.virtual.plugged import Plugged, Socket
 from drivers.virtual.terminal import Terminal
 from missions.assembly.together import making_order
-from missions.assembly.worlds import build_physics, build_world
+from missions.library.worlds import build_physics, build_world
 
 D = TypeVar("D")
 

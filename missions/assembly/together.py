@@ -16,11 +16,15 @@ from drivers.api.quick import dataclass
 from drivers.api.sections import ArmKeys
 from drivers.clock import Clock, SystemClock
 from drivers.errors import BadRequest
-from missions.assembly.interests import Interests
+from missions.library.interests import Interests
 from perception.api import Frame, Gaze, View
 
 if TYPE_CHECKING:
     from config.world import WorldConfig
+
+
+MakePad = Callable[[Base, Clock, Report], Device]
+"""Makes what reads a game pad beside a mission, and commands the base: ``missions.hands.teleop.beside.pad_beside``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +33,7 @@ class Overrides:
 
     ``world`` is what a simulated robot stands in, None for the metal. ``camera`` is a source instead of the robot's
     camera, or of the rendered one. ``ports`` are ports by part instead of the robot file's. ``interests`` are
-    what the mission looks for. ``pad`` is the node of a game pad that goes before the mission.
+    what the mission looks for. ``pad`` makes what reads a game pad, which goes before the mission.
     """
 
     world: "WorldConfig | None" = None
@@ -37,7 +41,7 @@ class Overrides:
     ports: Mapping[str, str] = field(default_factory=dict)
     seed: int = 0
     interests: Interests = field(default_factory=Interests)
-    pad: str | None = None
+    pad: MakePad | None = None
 
     def clock(self) -> Clock:
         """Return a new clock in real time; one that waits for virtual devices, where there are only such."""

@@ -21,12 +21,12 @@ from missions.assembly.conversation import Conversation
 from missions.assembly.detectors import face_detector
 from missions.assembly.eyes import vision
 from missions.assembly.gallery import recogniser
-from missions.assembly.interests import Interests
 from missions.assembly.seeing import Glimpse, SensorNoise, SteppedEyes, TrueSight
 from missions.assembly.together import Hooks, gaze, made_by, put_together, with_carriers
 from missions.assembly.truth_names import TrueNames
 from missions.assembly.twins import Twins
-from missions.assembly.worlds import build_physics, build_world
+from missions.library.interests import Interests
+from missions.library.worlds import build_physics, build_world
 from perception.api import Gaze
 from perception.eyes import Vision
 from perception.geometry import Pinhole

@@ -8,14 +8,13 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import TYPE_CHECKING, Any, Self
 
-from config.library import find
+from config.library import DEFAULT_ROBOT, find
 from drivers.clock import SystemClock, since_1970
 from drivers.errors import NotConnected
 from drivers.ros2.declared import ZenohKeys
 from missions.executive.events import Ended, Event, NodeChanged, PerceptSeen, Started, Ticked, VariableSet
 from missions.executive.json_lines import plain
 from missions.library.drivers import load_robot
-from missions.order import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
     from drivers.ros2.node import Node

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import click
 
 from config.editing import NotEditableError
-from config.library import find
+from config.library import DEFAULT_ROBOT, find
 from drivers.api import HeadPose
 from drivers.arduino.declared import ServoKeys
 from drivers.arduino.driver import ArduinoHead
@@ -25,7 +25,6 @@ from missions.cli.status_line import show_over
 from missions.cli.trimming import HELP, trim_by_hand
 from missions.library.tuning import check_keepable
 from missions.library.tuning import keep as keep_values
-from missions.order import DEFAULT_ROBOT
 
 STARTED: Mapping[Life, str] = MappingProxyType(
     {

@@ -11,7 +11,7 @@ import click
 
 from behaviours.head import Arrival, shown
 from config.faults import one_of
-from config.library import find
+from config.library import DEFAULT_ROBOT, find
 from config.robot import RobotConfig
 from config.world import load_world
 from drivers.api import DeviceStatus, Head, HeadPose, ignore
@@ -23,14 +23,13 @@ from drivers.errors import NotConnected
 from drivers.pantilt import Trimmable
 from missions.assembly.assemble import assemble
 from missions.assembly.assembled import CONNECT_TIME
-from missions.assembly.interests import Interests
 from missions.assembly.lags import Lags
 from missions.assembly.together import Hooks, Overrides
 from missions.cli.keys import interruptible
 from missions.cli.names import ROBOT
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
-from missions.order import DEFAULT_ROBOT
+from missions.library.interests import Interests
 from missions.studio.holders import holding
 
 HEAD = "head"

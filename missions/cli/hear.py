@@ -20,7 +20,6 @@ from drivers.errors import NoReply, NotConnected
 from drivers.microphone.wav import WavMicrophone, load
 from missions.assembly.assembled import CONNECT_TIME
 from missions.assembly.hearing import Hearing, hearing
-from missions.assembly.pronouncing import confusable_for
 from missions.assembly.together import made_by
 from missions.cli.names import MISSION, ROBOT
 from missions.cli.numbers import Real
@@ -29,6 +28,7 @@ from missions.cli.root import SUCCESS
 from missions.cli.status_line import show_over
 from missions.language.phrases import phrases_of
 from missions.library.drivers import Table, load_robot
+from missions.library.pronouncing import confusable_for
 from missions.library.shipped import load_mission
 from perception.api import Words
 from perception.hearing.engines import MODELLED, Sphinx

@@ -15,9 +15,10 @@ import click
 from config.library import UnknownNameError, find, shipped
 from drivers.clock import SystemClock
 from missions.cli.names import ROBOT, WORLD
+from missions.library.channels import channels_of
 from missions.library.shipped import find_mission
 from missions.order import RunRequest, Simulate
-from missions.service.channels import channels_of
+from missions.runner import robot_of
 from missions.service.fleet.errands import ErrandQueue
 from missions.service.fleet.kept import Kept
 from missions.service.fleet.latch import FleetLatch
@@ -91,7 +92,7 @@ def joined(wanted: Joining, folder: Path, latch: FleetLatch) -> Iterator[Member]
     from missions.cli.fleet_at import fleet_of  # noqa: PLC0415 - a server alone needs none of it
     from missions.studio.machine import Machine  # noqa: PLC0415
 
-    robot = wanted.order.robot_file()
+    robot = robot_of(wanted.order)
     address = Address(wanted.name, own_number(folder))
     simulated = wanted.order.simulation is not None
     clock = SystemClock()

@@ -115,8 +115,8 @@ def _own(kind: str) -> Iterable[str]:
 
 def _people(robot: str | None) -> Iterable[str]:
     """Return the names of those whom a robot, or this user, knows."""
-    from missions.assembly.people import PeopleError  # noqa: PLC0415
     from missions.cli.person.asked import people_for  # noqa: PLC0415
+    from missions.library.people import PeopleError  # noqa: PLC0415
 
     with suppress(PeopleError, UnknownNameError, InvalidFileError, click.UsageError):
         return [each.name for each in people_for(robot).known()]

@@ -11,8 +11,10 @@ import click
 
 from behaviours.sight import Faces
 from config.faults import did_you_mean
+from missions.assembly.together import MakePad
 from missions.language.plan import Plan, Step
 from missions.order import RunRequest, contradictions
+from missions.runner import ports_of, robot_of
 from perception.api import UNKNOWN
 
 
@@ -52,9 +54,9 @@ def _kept(order: RunRequest) -> list[str]:
     """Return whom a robot with a true camera knows. Raises click.UsageError where their pictures cannot be read."""
     # What looks at people is imported where a mission looks for somebody by name.
     from missions.assembly.gallery import people_of  # noqa: PLC0415
-    from missions.assembly.people import PeopleError  # noqa: PLC0415
+    from missions.library.people import PeopleError  # noqa: PLC0415
 
-    camera = order.robot_file().camera
+    camera = robot_of(order).camera
     if camera is None:
         return []
     try:
@@ -65,13 +67,22 @@ def _kept(order: RunRequest) -> list[str]:
 
 def check_order(order: RunRequest) -> None:
     """Raise click.UsageError for options that contradict each other, or could only be ignored."""
-    for why in contradictions(order, _option):
+    for why in contradictions(order, _option, ports_of):
         raise click.UsageError(why)
 
 
 def _option(name: str, value: str = "") -> str:
     """Return how an option is typed."""
     return f"--{name} {value}".rstrip()
+
+
+def pad_of(order: RunRequest) -> MakePad | None:
+    """Return what makes the reader of a run's game pad; None where it has none."""
+    if order.pad is None:
+        return None
+    from missions.hands.teleop.beside import pad_beside  # noqa: PLC0415 - few runs have one
+
+    return pad_beside(order.pad)
 
 
 def check_pad(order: RunRequest, plan: Plan) -> None:

@@ -16,6 +16,7 @@ from drivers.api.quick import dataclass
 from drivers.clock import time_of_day
 from missions.cli.numbers import Real
 from missions.cli.options import SIZE
+from missions.cli.orders import pad_of
 from missions.executive.events import FaultRaised, Listener
 from missions.executive.executive import Result
 from missions.order import RunRequest
@@ -161,6 +162,7 @@ class Recording:
                 on_moment=recorder.moment,
                 on_view=both(recorder.view, pictures.view),
                 on_frame=both(recorder.frame, pictures.frame),
+                pad=pad_of(order),
             )
         recorder.watch(self.runner.root)
         self.begun = True

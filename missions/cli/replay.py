@@ -163,7 +163,7 @@ def _decide(record: Record, mission: str | None, again: _Again) -> int:
 
 def _look(record: Record, mission: str | None, again: _Again) -> int:
     """Search the pictures again, and say whether all is found that was."""
-    from missions.assembly.interests import interests_of  # noqa: PLC0415
+    from missions.library.interests import interests_of  # noqa: PLC0415
     from missions.records.replay.see import see  # noqa: PLC0415
     from missions.records.replay.words import about_sight  # noqa: PLC0415
 

@@ -16,7 +16,7 @@ from drivers.api.quick import dataclass
 from missions.cli.leash import GONE, heeded, leashed
 from missions.cli.live import Watcher
 from missions.cli.options import tell_found
-from missions.cli.orders import check_events, check_film, check_order, check_pad, check_people
+from missions.cli.orders import check_events, check_film, check_order, check_pad, check_people, pad_of
 from missions.cli.recording import Recording, RecordWish
 from missions.cli.root import settle
 from missions.executive.executive import Result
@@ -84,7 +84,14 @@ def run(
         None if wish is None else Recording(wish, order, listeners=[watcher], give_up=give_up, pictures=pictures)
     )
     runner = (
-        Runner(order, listeners=[watcher], give_up=give_up, on_view=pictures.view, on_frame=pictures.frame)
+        Runner(
+            order,
+            listeners=[watcher],
+            give_up=give_up,
+            on_view=pictures.view,
+            on_frame=pictures.frame,
+            pad=pad_of(order),
+        )
         if recording is None
         else recording.runner
     )

@@ -12,9 +12,9 @@ from missions.cli.joining import Joining, fleet_options, joined, joining
 from missions.cli.leash import studio_beside, studio_option
 from missions.cli.root import SUCCESS
 from missions.executive.signals import Signals
+from missions.library.channels import channels_of
 from missions.library.folders import state_folder
 from missions.order import Simulate
-from missions.service.channels import channels_of
 from missions.service.courier import Courier
 from missions.service.disk import DiskFull, in_a_line, trouble
 from missions.service.fleet.latch import FleetLatch

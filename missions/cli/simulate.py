@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import click
 
-from config.library import find
+from config.library import DEFAULT_ROBOT, find
 from config.world import load_world
 from drivers.clock import SystemClock
 from drivers.virtual.dynamixel import VirtualServoBus
@@ -19,7 +19,6 @@ from missions.cli.names import ROBOT, WORLD
 from missions.cli.numbers import Real
 from missions.executive.executive import GLANCE
 from missions.library.drivers import load_robot
-from missions.order import DEFAULT_ROBOT
 
 
 class Lines:

@@ -21,10 +21,10 @@ from missions.cli.orders import check_order
 from missions.cli.root import SUCCESS
 from missions.cli.task_words import about_attempt, about_letter, clock, row_of
 from missions.language.plan import Plan
+from missions.library.channels import channels_of
 from missions.library.folders import state_folder
 from missions.library.shipped import find_mission, shipped_missions
 from missions.order import RunRequest, Simulate
-from missions.service.channels import channels_of
 from missions.service.lock import is_locked, server_lock
 from missions.service.outbox import Outbox
 from missions.service.queue import Queue
@@ -166,12 +166,12 @@ def _as_json(task: Task) -> dict[str, object]:
 def _check(order: RunRequest) -> Plan:
     """Return the mission; raise what `mission run` would raise for this order, before anything moves."""
     from missions.cli.orders import check_people  # noqa: PLC0415 - the other subcommands need none of what they import
-    from missions.runner import load  # noqa: PLC0415
+    from missions.runner import load, robot_of  # noqa: PLC0415
 
     check_order(order)
     if order.simulation is not None:
         order.world_file()
-    plan = load(order, order.robot_file())
+    plan = load(order, robot_of(order))
     check_people(order, plan)
     return plan
 

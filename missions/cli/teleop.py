@@ -9,7 +9,7 @@ from threading import Event
 
 import click
 
-from config.library import find
+from config.library import DEFAULT_ROBOT, DEFAULT_WORLD, find
 from config.units import in_dimension
 from config.world import load_world
 from drivers.api import Base, Head, ignore
@@ -28,7 +28,6 @@ from missions.hands.teleop import FIRST_PAD, keymap, pad
 from missions.hands.teleop.pilot import MAX_SHARE, MIN_SHARE, Pilot
 from missions.hands.teleop.turns import drive_by_hand
 from missions.library.drivers import load_robot
-from missions.order import DEFAULT_ROBOT, DEFAULT_WORLD
 from missions.studio.holders import holding
 
 SHOWN = 0.1

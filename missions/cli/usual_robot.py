@@ -9,14 +9,13 @@ import click
 
 from behaviours.leaf import Leaf
 from config.faults import Diagnostic, InvalidFileError
-from config.library import find, shipped
-from missions.assembly.target import target_of
+from config.library import DEFAULT_ROBOT, find, shipped
 from missions.cli.names import ROBOT
 from missions.language.claims import Target
 from missions.language.plan import Plan
 from missions.library.drivers import load_robot
 from missions.library.shipped import load_mission, shipped_missions
-from missions.order import DEFAULT_ROBOT
+from missions.library.target import target_of
 
 robot_option = click.option("--robot", type=ROBOT, help="Check that this robot can do it (a name or a file).")
 

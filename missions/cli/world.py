@@ -6,18 +6,17 @@ from pathlib import Path
 import click
 import cv2
 
-from config.library import find
+from config.library import DEFAULT_ROBOT, find
 from config.robot import RobotConfig
 from config.world import WorldConfig, load_world
 from drivers.api import Image
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import Pinhole, Viewpoint, mounted
-from missions.assembly.worlds import build_world
 from missions.cli.names import ROBOT, WORLD
 from missions.cli.options import SECONDS
 from missions.cli.outputs import writing
 from missions.library.drivers import load_robot
-from missions.order import DEFAULT_ROBOT
+from missions.library.worlds import build_world
 from missions.views.pictures.plan import plan
 from missions.views.pictures.png import png
 from missions.views.pictures.words import lines_about

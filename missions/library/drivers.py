@@ -6,6 +6,7 @@ that the house does not have, or where all are told; what is wrong with one conc
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from inspect import get_annotations
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from config import robot
 from config.faults import Source
+from config.library import DEFAULT_ROBOT, find
 from config.robot import RobotConfig
 from drivers.api.driver import BrokenDriver, Driver, resolved
 from drivers.api.keys import declared
@@ -127,6 +129,17 @@ def _told(point: "EntryPoint") -> str:
 
 def _owner(point: "EntryPoint") -> str:
     return point.dist.name if point.dist is not None else ""
+
+
+def robot_named(name: str | None, ros2_domain: int | None = None) -> RobotConfig:
+    """Read the file of a robot by name or path, of the default one for none; its nodes of ROS 2 in another domain.
+
+    Raises InvalidFileError or UnknownNameError.
+    """
+    found = load_robot(find("robots", name or DEFAULT_ROBOT))
+    if ros2_domain is None or "ros2" not in found.sections:
+        return found
+    return found.with_keys("ros2", replace(found.sections["ros2"].keys, domain=ros2_domain))
 
 
 def load_robot(path: Path, drivers: Table | None = None) -> RobotConfig:

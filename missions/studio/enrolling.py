@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from config.library import shipped
-from missions.assembly.people import PeopleError, proper_name
+from missions.library.people import PeopleError, proper_name
 from missions.studio.commands import Watch
 from missions.studio.form import BadMessage
 from missions.studio.watching import Hearer, Watching

@@ -8,24 +8,17 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from functools import lru_cache
-from math import isfinite
 from pathlib import Path
 
 from config.faults import InvalidFileError
 from config.library import SUFFIXES, UnknownNameError, find, kinds_of, shipped
-from config.units import UNITS, written
 from config.world import load_world
-from missions.assembly.people import People, folder
-from missions.assembly.worlds import build_world
-from missions.language.document import declared_params
-from missions.language.params import Param
-from missions.language.plan import Plan
-from missions.language.values import shown
 from missions.library.drivers import load_robot
 from missions.library.folders import checkup_file
-from missions.library.shipped import TESTS, behaviour_files, find_mission, load_mission, shipped_missions
-from missions.library.things import THINGS
-from missions.library.vocabulary import vocabulary
+from missions.library.forms import load_with_own, params_of
+from missions.library.people import People, folder
+from missions.library.shipped import TESTS, shipped_missions
+from missions.library.worlds import build_world
 from missions.studio.commands import Command
 from missions.studio.form import BadMessage
 from missions.studio.wishes import Mission, World
@@ -80,15 +73,13 @@ def library(command: Command) -> Json:
 def mission(command: Command) -> Json:
     """Answer `mission`."""
     name = check_name("missions", command.name if isinstance(command, Mission) else "")
-    found = _load(name)
-    leaves = vocabulary(behaviour_files(name))
-    params = declared_params(find_mission(name), leaves, THINGS)
+    found = load_with_own(name)
     return {
         "name": name,
         "summary": found.summary,
         "file": found.source.name,
         "parts": sorted(found.tree.parts),
-        "params": [_param(each) for each in params.values()],
+        "params": params_of(name),
         "drawing": to_json(drawing_of(found)),
     }
 
@@ -114,16 +105,12 @@ DOES: Mapping[str, Callable[[Command], Json]] = {"library": library, "mission": 
 """What does each command."""
 
 
-def _load(name: str) -> Plan:
-    return load_mission(name, leaves=vocabulary(behaviour_files(name)))
-
-
 @lru_cache(maxsize=512)
 def _mission(name: str, path: Path, changed: int) -> Json:
     """Return what the list says of a mission, as it was when it was ``changed``; one that is wrong says why."""
     del path, changed
     try:
-        found = _load(name)
+        found = load_with_own(name)
     except (InvalidFileError, UnknownNameError) as error:
         return {"name": name, "summary": "", "parts": [], "trouble": str(error)[:2000]}
     parts, shape = sorted(found.tree.parts), list(_depths(drawing_of(found).root))[:MOST_DRAWN]
@@ -157,24 +144,3 @@ def _checkup() -> Json | None:
         found = json.loads(checkup_file().read_text(encoding="utf-8"))
         return found if isinstance(found, dict) else None
     return None
-
-
-def _param(param: Param) -> Json:
-    """Return a param as a form has it."""
-    kind = param.type
-    told: Json = {
-        "name": param.name,
-        "kind": kind.kind,
-        "default": None if not param.known else shown(param.default),
-        "help": param.help,
-    }
-    if kind.kind != kind.of:
-        told["of"] = kind.of
-    if kind.of in UNITS:
-        told["units"] = list(UNITS[kind.of])
-    if kind.choices:
-        told["choices"] = list(kind.choices)
-    for side, bound in (("low", kind.low), ("high", kind.high)):
-        if isfinite(bound):
-            told[side] = written(bound, kind.of) if kind.of in UNITS else f"{bound:g}"
-    return told

@@ -8,8 +8,8 @@ from dataclasses import asdict, replace
 from re import search
 
 from config.notices import named
+from missions.library.channels import channels_of
 from missions.library.folders import state_folder
-from missions.service.channels import channels_of
 from missions.service.lock import is_locked, server_lock
 from missions.service.queue import Queue
 from missions.service.schema import in_words, open_db, queue_file

@@ -9,22 +9,21 @@ from behaviours.leaf import Leaf
 from config.cases import CommonKeys, SuiteKeys
 from config.faults import InvalidFileError, note, one_of
 from config.fields import Fields
-from config.library import UnknownNameError, find
+from config.library import DEFAULT_ROBOT, DEFAULT_WORLD, UnknownNameError, find
 from config.marked import Listing, Mapping, Scalar
 from config.robot import RobotConfig
 from config.units import seen
 from config.world import load_world
 from drivers.api.joints import joint_called
 from drivers.api.sections import ArmKeys
-from missions.assembly.target import target_of
 from missions.assembly.together import with_carriers
 from missions.language.nodes import MODIFIERS
 from missions.language.plan import Plan, Step
 from missions.language.written import as_written
 from missions.library.drivers import load_robot
 from missions.library.shipped import behaviour_files, find_mission, load_mission
+from missions.library.target import target_of
 from missions.library.vocabulary import vocabulary
-from missions.order import DEFAULT_ROBOT, DEFAULT_WORLD
 from missions.testing.expectations import Grammar
 
 PARAM = "--param"

@@ -109,7 +109,7 @@ def world() -> "Callable[[str], World]":
     """Return simulated worlds: ``world("living_room")``, by name or file."""
     from config.library import find  # noqa: PLC0415
     from config.world import load_world  # noqa: PLC0415
-    from missions.assembly.worlds import build_world  # noqa: PLC0415
+    from missions.library.worlds import build_world  # noqa: PLC0415
 
     return lambda name: build_world(load_world(find("worlds", name)))
 

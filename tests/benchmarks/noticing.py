@@ -15,7 +15,7 @@ from drivers.api import CameraFrame
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import Pinhole as Lens
 from drivers.sim.viewpoint import Viewpoint
-from missions.assembly.worlds import build_world
+from missions.library.worlds import build_world
 from perception.api import Wanted
 from perception.change import MotionSense
 from perception.geometry import Pinhole

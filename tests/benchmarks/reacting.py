@@ -24,7 +24,7 @@ from behaviours.catalogue import LEAVES
 from behaviours.robot import Robot
 from behaviours.run import Run
 from config.faults import Source
-from config.library import find
+from config.library import DEFAULT_ROBOT, find
 from drivers.api import Head, HeadPose
 from drivers.api.driver import Site
 from drivers.arduino.declared import ArduinoKeys
@@ -45,7 +45,6 @@ from missions.executive.proxy import Tell
 from missions.language.document import check_plan
 from missions.library.drivers import load_robot
 from missions.library.things import THINGS
-from missions.order import DEFAULT_ROBOT
 from perception.api import Gaze, Image, View
 from perception.eyes import Eyes, Vision
 from perception.faces import HaarFaces

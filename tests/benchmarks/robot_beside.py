@@ -18,14 +18,13 @@ from threading import Event, Thread
 
 import cv2
 
-from config.library import find
+from config.library import DEFAULT_ROBOT, find
 from config.world import load_world
 from drivers.api import Camera, Image
 from drivers.api.kinds import WIRED
 from drivers.clock import SystemClock
 from missions.assembly.simulation import Simulation
 from missions.library.drivers import load_robot
-from missions.order import DEFAULT_ROBOT
 
 RATE = 30
 """Pictures a second."""

@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator
 
-from config.library import find
+from config.library import DEFAULT_WORLD, find
 from config.marked import read_source
-from missions.order import DEFAULT_WORLD
 from missions.testing.sweep.processes import run_here
 from missions.testing.sweep.sweep import Sweep
 from missions.testing.sweep.variation import Span, Variation

@@ -30,6 +30,7 @@ from drivers.legs.engine import manner_of, standing
 from drivers.legs.gait import generated
 from drivers.sim.rigid.scene import Scene
 from missions.assembly.physics import scene_of
+from missions.library.drivers import robot_named
 from missions.order import RunRequest
 from missions.runner import Runner
 
@@ -118,7 +119,7 @@ def by_engine(robot: str, seed: int, folder: Path) -> Walked:
 
 def by_wave(robot: str, wave: Callable[[Body, StrideKeys], Wave], seed: int, folder: Path) -> Walked:
     """Walk by goals over time alone, from the stand in which the engine begins."""
-    config = RunRequest("greet", robot=robot).robot_file()
+    config = robot_named(robot)
     keys, arm = config.keys(LegsKeys), config.arm
     if keys is None or arm is None:
         raise RuntimeError(f"{robot}: no legs")

@@ -14,7 +14,7 @@ from config.world import WorldConfig, load_world
 from drivers.api import BASE_RADIUS, Pose2D
 from drivers.sim.twins.base import BaseTwin
 from drivers.sim.world import World
-from missions.assembly.worlds import build_world
+from missions.library.worlds import build_world
 from missions.order import RunRequest
 from missions.runner import Runner
 from tests.benchmarks.table import Row

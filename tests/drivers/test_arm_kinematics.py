@@ -9,7 +9,7 @@ from drivers.legs.body import SIDES, Side, body_of
 from drivers.legs.declared import LegsKeys
 from drivers.legs.kinematics import forward
 from drivers.legs.leg_ik import SLACK
-from missions.order import RunRequest
+from missions.library.drivers import robot_named
 from tests.drivers.test_legs_kinematics import described
 from tests.tries import tries
 
@@ -89,7 +89,7 @@ def test_a_place_that_only_joints_beyond_their_limits_reach_is_told_so() -> None
 
 
 def test_an_arm_without_a_closed_form_is_named_with_its_axes() -> None:
-    keys = RunRequest("greet", robot="humanoid").robot_file().keys(LegsKeys)
+    keys = robot_named("humanoid").keys(LegsKeys)
     assert keys is not None
     body = body_of(keys.body)
     body.axis[body.index["left_elbow"]] = [1.0, 0.0, 0.0]

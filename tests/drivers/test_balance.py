@@ -10,12 +10,12 @@ from drivers.legs.body import body_of
 from drivers.legs.compensation import Compensation, static_torques
 from drivers.legs.declared import LegsKeys
 from drivers.legs.engine import Engine, Felt, Posture
-from missions.order import RunRequest
+from missions.library.drivers import robot_named
 
 
 @pytest.fixture(scope="module")
 def engine() -> Engine:
-    keys = RunRequest("greet", robot="humanoid").robot_file().keys(LegsKeys)
+    keys = robot_named("humanoid").keys(LegsKeys)
     assert keys is not None
     return Engine(body_of(keys.body), keys.stride)
 

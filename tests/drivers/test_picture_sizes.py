@@ -19,7 +19,7 @@ from drivers.camera.make import open_source
 from drivers.camera.pictures import pictures
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
-from missions.assembly.people import People, PeopleError
+from missions.library.people import People, PeopleError
 from tests.waiting import wait_until
 
 KINDS = (".png", ".jpg", ".bmp", ".webp", ".gif", ".tiff", ".ppm", ".pgm")

@@ -7,11 +7,11 @@ import pytest
 from behaviours.catalogue import LEAVES
 from config.faults import Diagnostic, InvalidFileError, Source
 from config.library import find
-from missions.assembly.target import target_of
 from missions.language.claims import Target
 from missions.language.document import check_plan
 from missions.language.plan import Plan
 from missions.library.drivers import load_robot
+from missions.library.target import target_of
 from missions.library.things import THINGS
 
 GREET = (Path(__file__).parents[2] / "missions" / "greet.yaml").read_text(encoding="utf-8")

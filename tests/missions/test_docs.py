@@ -19,11 +19,11 @@ from config.marked import compose
 from config.object import load_object
 from config.world import read_world
 from docs.generate import TABLES, main, renewed
-from missions.assembly.worlds import build_world
 from missions.language.document import check_plan
 from missions.library.drivers import load_robot
 from missions.library.shipped import find_mission, load_mission
 from missions.library.things import THINGS
+from missions.library.worlds import build_world
 from missions.schema.mission import known_things, mission_schema
 from missions.testing.play import play
 from missions.testing.recorders import Bench

@@ -12,10 +12,10 @@ from config.faults import InvalidFileError, Source
 from config.library import shipped
 from config.marked import Mapping, Scalar, compose
 from drivers.api import Gesture
-from missions.assembly.target import target_of
 from missions.language.document import check_plan
 from missions.language.plan import Step
 from missions.library.drivers import load_robot
+from missions.library.target import target_of
 from missions.library.things import THINGS
 from missions.testing.recorders import Bench
 

@@ -12,12 +12,12 @@ from config.world import WorldConfig, load_world
 from drivers.api import DeviceStatus
 from missions.assembly.drawn import drawn_gallery
 from missions.assembly.gallery import gallery, recogniser
-from missions.assembly.interests import Interests, interests_of
-from missions.assembly.people import People
 from missions.assembly.truth_names import TrueNames
 from missions.executive.events import Event, Logged, PerceptSeen
 from missions.executive.executive import Result
 from missions.library.drivers import load_robot
+from missions.library.interests import Interests, interests_of
+from missions.library.people import People
 from missions.library.shipped import load_mission
 from missions.order import RunRequest
 from missions.runner import Runner

@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 import pytest
 
-from missions.assembly.people import People
 from missions.cli import person
 from missions.cli.person.taking import EVERY, GUIDE, NEARLY, SAME, TOO_SOON, Taking
 from missions.cli.root import guarded
+from missions.library.people import People
 from perception.api import Image
 from perception.faces import HaarFaces
 from tests.missions.command import Outcome

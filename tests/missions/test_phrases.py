@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from config.faults import InvalidFileError, Source
-from missions.assembly.interests import interests_of
-from missions.assembly.target import target_of
 from missions.language.plan import Plan
 from missions.library.drivers import robot_of
+from missions.library.interests import interests_of
 from missions.library.shipped import load_mission
+from missions.library.target import target_of
 from tests.missions.command import command
 
 EARS = target_of(robot_of(Source("r.yaml", "robot: r2\nmicrophone: {pronunciations: {xyzzy: Z IH Z IY}}\n")))

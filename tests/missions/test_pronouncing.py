@@ -13,9 +13,9 @@ from drivers.microphone.captured import CapturedMicrophone
 from drivers.microphone.declared import FileKeys
 from drivers.microphone.make import recording, sound_card
 from drivers.microphone.wav import WavMicrophone
-from missions.assembly import pronouncing
 from missions.assembly.hearing import hearing
-from missions.assembly.pronouncing import confusable_for, lexicon_for, unpronounceable
+from missions.library import pronouncing
+from missions.library.pronouncing import confusable_for, lexicon_for, unpronounceable
 
 pytest.importorskip("pocketsphinx")
 

@@ -25,7 +25,7 @@ from missions.cli.offering import RUN_MISSION, MissionServer, _params
 from missions.cli.ros2 import options_of_runs
 from missions.executive.events import Ended, Event, NodeChanged, Started, Ticked, VariableSet
 from missions.executive.telling import percept_of
-from missions.order import RunRequest
+from missions.library.drivers import robot_named
 from perception.api import Box, Face, Marker, Thing, View
 from perception.geometry import Pinhole
 from tests.waiting import wait_until
@@ -206,11 +206,11 @@ def test_a_path_and_params_that_are_none_are_refused(tmp_path: Path) -> None:
 def test_runs_that_nodes_start_are_in_the_domain_of_who_starts_them() -> None:
     words = options_of_runs("turtlebot4", None, 42, "wire", None)
     assert words == ["--robot", "turtlebot4", "--simulate", "wire", "--ros2-domain", "42", "--ros2"]
-    keys = RunRequest("greet", robot="turtlebot4", ros2_domain=42).robot_file().keys(ZenohKeys)
+    keys = robot_named("turtlebot4", 42).keys(ZenohKeys)
     assert keys is not None
     assert keys.domain == 42
     assert announcer_of("turtlebot4", None, 42)._domain == 42
-    assert RunRequest("greet", robot="turtlebot2", ros2_domain=42).robot_file().name == "turtlebot2"
+    assert robot_named("turtlebot2", 42).name == "turtlebot2"
 
 
 def test_params_of_a_goal_are_words_as_a_mission_has_them() -> None:

@@ -24,7 +24,7 @@ from missions.executive.events import CommandSent, Event
 from missions.executive.stop_latch import StopLatch
 from missions.library.drivers import load_robot, robot_of
 from missions.order import RunRequest, contradictions
-from missions.runner import Runner
+from missions.runner import Runner, ports_of
 from missions.testing.recorders import HOLD, Bench, RecordedJoints
 from tests.drivers.arms import Make, making
 from tests.missions.command import Outcome, command
@@ -104,7 +104,7 @@ def test_each_is_plugged_in_where_the_command_says_by_its_name(
 ) -> None:
     mission, robot = written(tmp_path)
     order = RunRequest(mission, robot=robot, ports={"right_arm": "/dev/three"})
-    assert list(contradictions(order, lambda name, _="": name)) == []
+    assert list(contradictions(order, lambda name, _="": name, ports_of)) == []
     told = command(capsys, "run", mission, "--robot", robot, "--port", "rigth_arm=/dev/three")
     assert told.code == 2
     assert "'rigth_arm' is no part with a port; these are: base, head, arm, imu, range, ros2, right_arm" in told.err

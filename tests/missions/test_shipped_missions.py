@@ -9,15 +9,14 @@ import yaml
 from behaviours.tracking.follow import RuleBases
 from config.controller import load_controller
 from config.gesture import GestureConfig, load_gesture
-from config.library import shipped
+from config.library import DEFAULT_ROBOT, shipped
 from config.robot import RobotConfig
 from config.world import load_world
 from drivers.api.sections import ArmKeys
-from missions.assembly.target import target_of
 from missions.library.drivers import load_robot
 from missions.library.shipped import find_mission, load_mission, shipped_missions
+from missions.library.target import target_of
 from missions.library.things import THINGS
-from missions.order import DEFAULT_ROBOT
 
 LOADERS: dict[str, Callable[[Path], object]] = {
     "robots": load_robot,

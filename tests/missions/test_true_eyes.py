@@ -13,9 +13,9 @@ from drivers.sim.render import Renderer
 from drivers.sim.things import Ball, Box, Rover, Wall
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
-from missions.assembly.interests import Interests
 from missions.assembly.seeing import SensorNoise, TrueSight
 from missions.assembly.truth import Truth
+from missions.library.interests import Interests
 from perception.api import BALL, BOX, Gaze, Marker, Thing, Wanted
 from perception.geometry import wrap
 from perception.markers import MarkerKind, MarkerSense

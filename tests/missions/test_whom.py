@@ -6,8 +6,8 @@ import click
 import numpy as np
 import pytest
 
-from missions.assembly.people import People
 from missions.cli.orders import check_people
+from missions.library.people import People
 from missions.library.shipped import load_mission
 from missions.order import RunRequest
 from tests.missions.command import command

@@ -23,7 +23,7 @@ from drivers.sim.looks import LOOKS
 from drivers.sim.things import Ball
 from drivers.sim.wheels import Wheels
 from drivers.sim.world import World
-from missions.assembly.worlds import build_battery, build_world
+from missions.library.worlds import build_battery, build_world
 from missions.views.pictures.plan import METRE, plan
 from missions.views.pictures.words import lines_about
 from tests.missions.command import command

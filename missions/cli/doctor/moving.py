@@ -10,10 +10,10 @@ from config.robot import RobotConfig, Section
 from drivers.api.findings import Finding, warning, wrong
 from drivers.api.sections import ArmKeys
 from missions.assembly.checkup import Checked
-from missions.assembly.target import target_of
 from missions.cli.doctor.nudge import Nudge
 from missions.cli.servo.running import run_plan
 from missions.language.document import check_plan
+from missions.library.target import target_of
 from missions.library.things import THINGS
 from missions.order import RunRequest
 

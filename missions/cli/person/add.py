@@ -14,12 +14,12 @@ from drivers.clock import Clock, SystemClock
 from drivers.errors import BadRequest, NotConnected
 from drivers.voice.make import Wish, make_voice
 from missions.assembly.detectors import face_detector
-from missions.assembly.people import People, PeopleError, proper_name
 from missions.cli.names import PERSON
 from missions.cli.numbers import Real, Whole
 from missions.cli.person.asked import camera_of, judged_otherwise, people_for, robot_option, saying_why, tell
 from missions.cli.person.taking import TOO_SOON, Taking
 from missions.cli.root import SUCCESS
+from missions.library.people import People, PeopleError, proper_name
 from perception.api import Image
 from perception.crops import face_in
 from perception.finder import FaceDetector

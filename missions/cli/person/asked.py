@@ -9,10 +9,10 @@ import click
 from config.library import find
 from drivers.api.senses import CameraKeys
 from missions.assembly.gallery import people_of
-from missions.assembly.people import People, PeopleError, folder
 from missions.cli.names import ROBOT
 from missions.cli.root import FAILURE
 from missions.library.drivers import load_robot
+from missions.library.people import People, PeopleError, folder
 
 
 def robot_option(command: Any) -> Any:

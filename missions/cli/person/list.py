@@ -5,9 +5,9 @@ from datetime import UTC, datetime
 
 import click
 
-from missions.assembly.people import Known
 from missions.cli.person.asked import camera_of, judged_otherwise, people_for, robot_option, saying_why, tell
 from missions.cli.root import SUCCESS
+from missions.library.people import Known
 from missions.views.columns import in_columns
 from perception.elastic import Calibration
 from perception.people import KnownPeople

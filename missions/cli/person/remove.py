@@ -2,10 +2,10 @@
 
 import click
 
-from missions.assembly.people import PeopleError
 from missions.cli.names import PERSON
 from missions.cli.person.asked import people_for, robot_option, saying_why
 from missions.cli.root import FAILURE, SUCCESS
+from missions.library.people import PeopleError
 
 
 @click.command(epilog="Example: mission person remove Anna")

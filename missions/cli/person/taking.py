@@ -2,7 +2,7 @@
 
 import cv2
 
-from missions.assembly.portraits import digest
+from missions.library.portraits import digest
 from perception.api import Image
 from perception.crops import crop, face_in
 from perception.finder import FaceDetector

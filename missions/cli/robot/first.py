@@ -6,8 +6,8 @@ from contextlib import suppress
 from config.faults import InvalidFileError
 from config.library import UnknownNameError
 from config.robot import RobotConfig
-from missions.assembly.target import target_of
 from missions.library.shipped import load_mission
+from missions.library.target import target_of
 
 FIRST: Sequence[tuple[str, Mapping[str, str]]] = (
     ("greet", {}),

@@ -15,11 +15,11 @@ from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.telling import REMEDY
 from drivers.dynamixel.units import called
 from drivers.errors import BadRequest, DeviceFault, DriverError, NotConnected
-from missions.assembly.target import target_of
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.servo.bench import Arm, Bench, opened_arm, opened_bus, pause
 from missions.cli.servo.running import run_leaf
 from missions.cli.servo.target import Target, target_options
+from missions.library.target import target_of
 
 RECOVERY = 3.0
 """Seconds within which a servo that was revived tells that it is stiff: those of protocol 2.0 start again for it."""

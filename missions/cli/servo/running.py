@@ -10,7 +10,6 @@ from behaviours.node import Node
 from config.faults import Source
 from config.robot import RobotConfig
 from drivers.api import ignore
-from missions.assembly.target import target_of
 from missions.cli.live import Watcher
 from missions.cli.run import EXIT_CODES
 from missions.cli.running import tell_unreachable
@@ -19,6 +18,7 @@ from missions.executive.executive import Result
 from missions.language.document import check_plan
 from missions.language.notes import Lookup
 from missions.language.plan import Plan
+from missions.library.target import target_of
 from missions.order import RunRequest
 from missions.runner import Runner
 from missions.studio.control import ControlSocket

@@ -9,13 +9,12 @@ from typing import Any
 import click
 
 from config.faults import one_of
-from config.library import find
+from config.library import DEFAULT_ROBOT, find
 from config.robot import RobotConfig
 from drivers.dynamixel.declared import DynamixelKeys
 from missions.cli.names import ROBOT
 from missions.cli.numbers import Whole
 from missions.library.drivers import load_robot
-from missions.order import DEFAULT_ROBOT
 
 ARM = "arm"
 """The name of an arm that has none of its own."""

@@ -1,6 +1,7 @@
 """A game pad beside a mission: whoever holds its shoulder button has the wheels, and the mission waits."""
 
 from collections.abc import Callable
+from functools import partial
 from threading import Event, Thread
 
 from behaviours.run import log
@@ -8,7 +9,7 @@ from drivers.api import Base, DeviceStatus, Health, Report, ignore
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.guard import guarded
-from missions.hands.teleop.pad import Pad
+from missions.hands.teleop.pad import Pad, pad_at
 from missions.hands.teleop.pilot import Pilot
 from missions.hands.teleop.turns import drive_by_hand
 
@@ -90,3 +91,8 @@ class Beside:
 def _unseen(line: str) -> None:
     """Show a line to nobody: the mission shows its own."""
     del line
+
+
+def pad_beside(node: str) -> Callable[[Base, Clock, Report], Beside]:
+    """Return what makes the reader of the pad at ``node``, for a base."""
+    return lambda base, clock, report: Beside(base, partial(pad_at, node, clock), clock, report=report)

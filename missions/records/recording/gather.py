@@ -5,6 +5,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
+from typing import Protocol
 
 from config.faults import InvalidFileError, Source
 from config.library import SHEETS
@@ -17,7 +18,6 @@ from missions.assembly.together import eye
 from missions.language.plan import Plan
 from missions.language.values import shown
 from missions.library.shipped import behaviour_files
-from missions.order import DEFAULT_WORLD, RunRequest
 from missions.records.recording.head import Contents, Head
 from missions.views.pictures.draw import drawing_of
 from missions.views.pictures.tree_json import to_json
@@ -27,8 +27,47 @@ KINDS = ("mission", "world", "gesture", "gait", "controller", "object", "move", 
 """What the files of a run are, by the first of these words that stands in one as a key."""
 
 
+class Asked(Protocol):
+    """What was asked for, as far as a record tells of it: a ``missions.order.RunRequest``."""
+
+    @property
+    def mission(self) -> str:
+        """The name or file of the mission."""
+        ...
+
+    @property
+    def behaviours(self) -> Sequence[Path]:
+        """Files of leaves that were named."""
+        ...
+
+    @property
+    def params(self) -> Mapping[str, str]:
+        """The params, as they were given."""
+        ...
+
+    @property
+    def seed(self) -> int:
+        """What chance comes from."""
+        ...
+
+    @property
+    def eyes(self) -> str:
+        """How a twin sees: pixels or truth."""
+        ...
+
+    @property
+    def simulation(self) -> str | None:
+        """How the robot is simulated, None for one that moves."""
+        ...
+
+    @property
+    def world_name(self) -> str:
+        """What a simulated robot stands in; empty for one that moves."""
+        ...
+
+
 def contents_of(
-    order: RunRequest,
+    order: Asked,
     plan: Plan,
     config: RobotConfig,
     files: Mapping[Path, bytes],
@@ -52,7 +91,7 @@ def contents_of(
         mission=plan.mission,
         file=next((name for name, path in names.items() if path == mission), f"mission/{mission.name}"),
         robot=config.name,
-        world=_world(order),
+        world=order.world_name,
         params=dict(order.params),
         seed=order.seed,
         simulate=simulation or "",
@@ -96,16 +135,6 @@ def _kind(path: Path, data: bytes) -> str:
         return "file"
     keys = set(root.keys()) if isinstance(root, Marked) else set()
     return next((kind for kind in KINDS if kind in keys), "file")
-
-
-def _world(order: RunRequest) -> str:
-    match order.world:
-        case _ if order.simulation is None:
-            return ""
-        case None | str() as name:
-            return name or DEFAULT_WORLD
-        case world:
-            return world.name
 
 
 def _models(config: RobotConfig) -> dict[str, str]:

@@ -7,7 +7,7 @@ told from there on is nowhere recorded.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from behaviours.run import Run
 from config.robot import RobotConfig
@@ -46,6 +46,11 @@ class Recorded(Protocol):
     def events(self) -> Sequence[Event]:
         """All that happened."""
         ...
+
+
+@runtime_checkable
+class Drawn(Protocol):
+    """A record that holds the tree of then, which today's may differ from; one in memory is of today's plan."""
 
     def drawing(self) -> Drawing:
         """Return the tree as it was then."""
@@ -147,7 +152,8 @@ class _Again:
             root, run, stream, rate=config.rate, mission=plan.mission, guard=guard, answers=answers
         )
         changes = [event for event in record.events if isinstance(event, NodeChanged)]
-        self._comparison = Comparison(changes, record.drawing(), drawing_of(plan), root)
+        now = drawing_of(plan)
+        self._comparison = Comparison(changes, record.drawing() if isinstance(record, Drawn) else now, now, root)
         stream.listeners.append(self._comparison)
         self.result = Rerun(0, len(self._comparison.pairs))
 

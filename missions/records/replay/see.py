@@ -15,7 +15,7 @@ from drivers.camera.decode import decoded
 from drivers.clock import ManualClock
 from missions.assembly.detectors import face_detector
 from missions.assembly.eyes import vision as make_vision
-from missions.assembly.interests import Interests
+from missions.library.interests import Interests
 from missions.records.recording.read import Record
 from missions.records.replay.frames import SAME
 from perception.api import Gaze, Image, Marker, Percept, Thing, View

@@ -11,12 +11,12 @@ from pathlib import Path, PurePosixPath
 from config.library import UnknownNameError, find, is_file
 from config.reading import read_regular
 from config.robot import RobotConfig
-from missions.assembly.target import target_of
 from missions.language.document import load_plan
 from missions.language.notes import Lookup
 from missions.language.plan import Plan
 from missions.library.drivers import load_robot
 from missions.library.shipped import find_mission
+from missions.library.target import target_of
 from missions.library.things import THINGS, new_move
 from missions.library.vocabulary import vocabulary
 from missions.records.recording.faults import InvalidRecordError

@@ -5,7 +5,7 @@ from base64 import b64encode
 from config.faults import InvalidFileError, Source
 from config.world import WorldConfig, read_world
 from drivers.api import BASE_RADIUS
-from missions.assembly.worlds import build_world
+from missions.library.worlds import build_world
 from missions.records.recording.read import Record
 from missions.records.report.chart import way_in_metres
 from missions.records.report.traces import Route

@@ -15,12 +15,12 @@ from config.library import find
 from config.robot import RobotConfig
 from config.world import BatteryConfig, WorldConfig, load_world
 from drivers.api.sections import ArmKeys
-from missions.assembly.target import target_of
 from missions.assembly.together import with_carriers
 from missions.language.document import check_plan
 from missions.language.plan import Plan
 from missions.library.drivers import robot_of
 from missions.library.shipped import load_mission, shipped_missions
+from missions.library.target import target_of
 from missions.library.things import THINGS
 from missions.library.vocabulary import vocabulary
 from missions.testing.storm.others import OTHERS, others_of

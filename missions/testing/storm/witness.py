@@ -16,8 +16,6 @@ from missions.testing.history import History
 from missions.testing.mishaps import Mishap
 from missions.testing.storm.leaves import LEFT, STOPS_NOT
 from missions.testing.storm.record import StormRecord
-from missions.views.pictures.draw import drawing_of
-from missions.views.pictures.drawing import Drawing
 
 SAMPLE = 0.02
 """Seconds between two looks at the truth."""
@@ -114,10 +112,6 @@ class Witness:
     def events(self) -> list[Event]:
         """All that happened."""
         return self.history.events
-
-    def drawing(self) -> Drawing:
-        """Return the tree as it was."""
-        return drawing_of(self.runner.plan)
 
     # --- for invariants -----------------------------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from config.faults import InvalidFileError, one_of
-from config.library import find
+from config.library import DEFAULT_ROBOT, DEFAULT_WORLD, find
 from config.marked import Mapping as MarkedMapping
 from config.marked import compose, read_source
 from config.units import UNITS
@@ -16,7 +16,6 @@ from missions.language.params import Param, read_params
 from missions.language.plan import Plan
 from missions.library.drivers import load_robot
 from missions.library.shipped import find_mission
-from missions.order import DEFAULT_ROBOT, DEFAULT_WORLD
 from missions.runner import load
 from missions.testing.sweep.knobs import find_knob
 from missions.testing.sweep.sweep import PARAM, Sweep

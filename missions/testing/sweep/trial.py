@@ -6,7 +6,7 @@ import cv2
 
 from missions.language.plan import Plan
 from missions.order import RunRequest
-from missions.runner import Runner, load
+from missions.runner import Runner, load, robot_of
 from missions.testing.sweep.row import Outcome, Row
 from missions.testing.sweep.sweep import Sweep
 
@@ -53,7 +53,7 @@ class Trials:
         """Return the mission, read once for each set of params: that takes longer than a short run."""
         key = tuple(order.params.items())
         if key not in self._plans:
-            self._plans[key] = load(order, order.robot_file())
+            self._plans[key] = load(order, robot_of(order))
         return self._plans[key]
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from config.notices import CommandNotice, TerminalNotice, WebhookNotice, written
 from drivers.clock import ManualClock
-from missions.service.channels import channels_of
+from missions.library.channels import channels_of
 from missions.service.courier import Courier
 from missions.service.notice import Channel, Notice, notice_of
 from missions.service.notices import channel_of

@@ -8,10 +8,9 @@ from functools import cache
 
 import pytest
 
-from config.library import find
+from config.library import DEFAULT_ROBOT, find
 from missions.library.drivers import load_robot
 from missions.library.shipped import shipped_missions
-from missions.order import DEFAULT_ROBOT
 from missions.records.replay.rerun import rerun
 from missions.testing.mocks import Cast
 from missions.testing.report import failure

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
-from config.library import find
+from config.library import DEFAULT_ROBOT, find
 from config.reading import files_read, note_read
 from missions.library.drivers import load_robot
-from missions.order import DEFAULT_ROBOT, RunRequest
+from missions.order import RunRequest
 from missions.records.recording.gather import contents_of
 from missions.records.recording.head import Contents
 from missions.runner import Runner

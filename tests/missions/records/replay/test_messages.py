@@ -6,11 +6,11 @@ import pytest
 
 from behaviours.leaf import RUNNING
 from behaviours.node import Node
-from config.library import find
+from config.library import DEFAULT_ROBOT, find
 from missions.executive.tick_record import TickRecord
 from missions.library.drivers import load_robot
 from missions.library.shipped import load_mission
-from missions.order import DEFAULT_ROBOT, RunRequest
+from missions.order import RunRequest
 from missions.records.recording.cut import cut
 from missions.records.recording.read import Record, open_record
 from missions.records.recording.recorder import FEEDBACK_PERIOD

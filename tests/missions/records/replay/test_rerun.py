@@ -8,13 +8,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from config.library import find
+from config.library import DEFAULT_ROBOT, find
 from config.robot import RobotConfig
 from missions.executive.events import NodeChanged
 from missions.executive.tick_record import Answer, TickRecord
 from missions.library.drivers import load_robot
 from missions.library.shipped import load_mission, shipped_missions
-from missions.order import DEFAULT_ROBOT, RunRequest
+from missions.order import RunRequest
 from missions.records.replay.rerun import Rerun, rerun
 from missions.runner import Runner
 from tests.missions.records.replay.past import Past, past_of

@@ -4,11 +4,11 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
-from config.library import find
+from config.library import DEFAULT_ROBOT, find
 from config.reading import files_read
 from missions.executive.tick_record import TickRecord
 from missions.library.drivers import load_robot
-from missions.order import DEFAULT_ROBOT, RunRequest
+from missions.order import RunRequest
 from missions.records.recording.gather import contents_of
 from missions.records.recording.read import Record, open_record
 from missions.records.recording.recorder import Recorder

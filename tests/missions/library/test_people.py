@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.assembly.people import People, PeopleError, folder, proper_name
-from missions.assembly.portraits import files_in
+from missions.library.people import People, PeopleError, folder, proper_name
+from missions.library.portraits import files_in
 from perception.api import Image
 from perception.people import FEWEST, MAX_PICTURES, MAX_PICTURES_TOGETHER
 

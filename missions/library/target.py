@@ -23,23 +23,23 @@ def target_of(robot: RobotConfig) -> Target:
     return target._replace(unpronounceable=partial(_unpronounceable, ears), confusable=partial(_confusable, ears))
 
 
-def target_of_parts(robot: Robot, has: frozenset[str]) -> Target:
+def target_of_parts(robot: Robot) -> Target:
     """Return what the checker must know of a robot that is there."""
     others = {name: other.kind for name, other in robot.others.items()}
     arms = {"arm": robot} if robot.arm_part is not None else {}
     arms |= {name: robot.of({kind: name}) for name, kind in others.items() if kind == "arm"}
-    return Target("this robot", has, {name: arm.reach for name, arm in arms.items()}, others)
+    return Target("this robot", robot.parts, {name: arm.reach for name, arm in arms.items()}, others)
 
 
 def _unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[str]:
     """Return those of some words that the robot cannot listen for; for a mission that does."""
-    from missions.assembly.pronouncing import unpronounceable  # noqa: PLC0415 - ears, a voice, and numpy
+    from missions.library.pronouncing import unpronounceable  # noqa: PLC0415 - ears, a voice, and numpy
 
     return unpronounceable(config, words)
 
 
 def _confusable(config: MicrophoneKeys, phrases: Sequence[str]) -> Sequence[tuple[str, str]]:
     """Return the pairs of phrases that are easily taken for each other; for a mission that listens for several."""
-    from missions.assembly.pronouncing import confusable_for  # noqa: PLC0415 - ears, a voice, and numpy
+    from missions.library.pronouncing import confusable_for  # noqa: PLC0415 - ears, a voice, and numpy
 
     return confusable_for(config, phrases)

@@ -1,7 +1,7 @@
 """The people whom the robot knows: their pictures, each in a folder of its name, which nobody else may read.
 
 Nothing else is kept of them: what recognises them is learnt anew from the pictures at each start. Somebody is a folder
-with pictures (``missions.assembly.portraits``); whatever else is there belongs to somebody else, and is left alone.
+with pictures (``missions.library.portraits``); whatever else is there belongs to somebody else, and is left alone.
 """
 
 import fcntl
@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
 
-from missions.assembly.portraits import NEW, clear, digest, files_in, keep, read
 from missions.library.folders import data_folder
+from missions.library.portraits import NEW, clear, digest, files_in, keep, read
 from perception.api import UNKNOWN, Image
 from perception.people import FEWEST, MAX_PICTURES, MAX_PICTURES_TOGETHER
 
