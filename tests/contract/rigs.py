@@ -80,11 +80,6 @@ class InSimulatedTime(Rig):
         pass_until(self.timeline, holds)
 
 
-def real(rig: type[object], name: str) -> Any:
-    """Return ``rig`` as a parameter whose tests live in real time, with deadlines that a busy machine misses."""
-    return pytest.param(rig, id=name, marks=pytest.mark.real_time)
-
-
 def simulated(rig: type[object], name: str) -> Any:
     """Return ``rig`` as a parameter whose time is made to pass: a twin, or a real driver that is turned by hand."""
     return pytest.param(rig, id=name)

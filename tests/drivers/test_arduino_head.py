@@ -18,9 +18,10 @@ from drivers.arduino.axis import STARTS, ServoAxis
 from drivers.arduino.board import DOZE, Board
 from drivers.arduino.driver import ArduinoHead
 from drivers.arduino.memory import Memory
-from drivers.clock import ManualClock, SystemClock
+from drivers.clock import ManualClock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.link import Link, Talker
+from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.rodney import VirtualRodney
 from drivers.virtual.terminal import Terminal
 from tests.waiting import wait_until
@@ -976,7 +977,7 @@ def test_whatever_comes_over_the_wire_it_stays_within_bounds_and_comes_round(
 class Rig:
     """A head over a pseudo-terminal."""
 
-    clock: SystemClock
+    clock: PatientClock
     device: VirtualRodney
     terminal: Terminal
     head: ArduinoHead
@@ -985,7 +986,7 @@ class Rig:
 
 @pytest.fixture
 def rig() -> Iterator[Rig]:
-    clock, device = SystemClock(), VirtualRodney(tacho=True)
+    clock, device = PatientClock(), VirtualRodney(tacho=True)
     terminal = Terminal("nano", device, clock)
     notices: list[DeviceStatus] = []
     link = Link("head", terminal.path, 57600, retry=0.05, report=notices.append)
@@ -1013,7 +1014,6 @@ def looks(rig: Rig, pan: float, tilt: float) -> Callable[[], bool]:
     return there
 
 
-@pytest.mark.real_time
 def test_the_head_turns_left_and_down_over_a_real_port(rig: Rig) -> None:
     rig.terminal.open()
     rig.head.open()
@@ -1027,7 +1027,6 @@ def test_the_head_turns_left_and_down_over_a_real_port(rig: Rig) -> None:
     )
 
 
-@pytest.mark.real_time
 def test_a_board_that_is_absent_at_first_is_found_when_it_appears(rig: Rig) -> None:
     rig.head.open()
     wait_until(lambda: "no such device" in rig.head.health().detail)
@@ -1037,7 +1036,6 @@ def test_a_board_that_is_absent_at_first_is_found_when_it_appears(rig: Rig) -> N
     wait_until(lambda: online(rig))
 
 
-@pytest.mark.real_time
 def test_unplugged_and_plugged_in_again_it_stays_where_its_sketch_puts_it_until_it_is_told(rig: Rig) -> None:
     rig.terminal.open()
     rig.head.open()
@@ -1056,7 +1054,6 @@ def test_unplugged_and_plugged_in_again_it_stays_where_its_sketch_puts_it_until_
     assert "offline" in [one.kind for one in rig.notices]
 
 
-@pytest.mark.real_time
 def test_a_line_that_lies_is_survived(rig: Rig) -> None:
     rig.terminal.open()
     rig.terminal.distort = lambda data: b"\x00\xff" + data.replace(b"servo_array", b"servo_arrbz")
@@ -1069,7 +1066,6 @@ def test_a_line_that_lies_is_survived(rig: Rig) -> None:
     wait_until(looks(rig, 10, 0))
 
 
-@pytest.mark.real_time
 def test_closed_from_any_state_and_opened_again_it_works(rig: Rig) -> None:
     rig.head.close()
     rig.terminal.open()

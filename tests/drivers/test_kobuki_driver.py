@@ -25,7 +25,7 @@ from drivers.api import (
     Velocity,
     ignore,
 )
-from drivers.clock import Clock, ManualClock, SystemClock
+from drivers.clock import Clock, ManualClock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, Extra, GetGains, SetGains, Sound
 from drivers.kobuki.driver import DOZE, SILENT_AFTER, TIMES, KobukiBase
@@ -38,6 +38,7 @@ from drivers.sim.body import COMMAND_TIMEOUT
 from drivers.sim.timeline import Timeline
 from drivers.sim.wheels import Wheels
 from drivers.virtual.kobuki import VirtualKobuki
+from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.terminal import Terminal
 from tests.drivers.cranked import HandWire, pass_until
 from tests.waiting import wait_until
@@ -862,7 +863,7 @@ class Ported(Rig):
 
     def __init__(self) -> None:
         super().__init__()
-        self.clock = SystemClock()
+        self.clock = PatientClock()
         self.terminal = Terminal("kobuki", self.device, self.clock)
         link = Link("base", self.terminal.path, BAUD, retry=0.05, report=self.notices.append)
         self.base = KobukiBase(link, self.clock, report=self.notices.append)
@@ -886,7 +887,6 @@ def running(ported: Ported) -> Ported:
     return ported
 
 
-@pytest.mark.real_time
 def test_it_drives_and_stops(running: Ported) -> None:
     wait_until(lambda: running.driving() and running.x() > 0.02)
     running.base.stop()
@@ -896,7 +896,6 @@ def test_it_drives_and_stops(running: Ported) -> None:
     assert reading.value.pose.x == pytest.approx(running.device.pose(running.clock.now()).x, abs=0.1)
 
 
-@pytest.mark.real_time
 def test_it_is_stopped_when_it_is_closed(running: Ported) -> None:
     wait_until(running.driving, pause=0.02)
     running.base.close()
@@ -907,7 +906,6 @@ def test_it_is_stopped_when_it_is_closed(running: Ported) -> None:
     wait_until(running.online)
 
 
-@pytest.mark.real_time
 def test_a_plug_pulled_and_put_back_is_told_and_survived(running: Ported) -> None:
     wait_until(lambda: running.driving() and running.x() > 0.02)
     running.terminal.unplug()
@@ -928,7 +926,6 @@ def test_a_plug_pulled_and_put_back_is_told_and_survived(running: Ported) -> Non
     wait_until(lambda: running.driving() and running.x() > before + 0.02)
 
 
-@pytest.mark.real_time
 def test_a_base_that_appears_later_is_found(ported: Ported) -> None:
     ported.base.open()
     wait_until(lambda: "no such device" in ported.base.health().detail)
@@ -937,7 +934,6 @@ def test_a_base_that_appears_later_is_found(ported: Ported) -> None:
     wait_until(ported.driving, pause=0.02)
 
 
-@pytest.mark.real_time
 def test_a_port_in_use_says_so_and_is_taken_once_it_is_free(ported: Ported) -> None:
     ported.terminal.open()
     with serial.Serial(ported.terminal.path, BAUD, exclusive=True):
@@ -947,7 +943,6 @@ def test_a_port_in_use_says_so_and_is_taken_once_it_is_free(ported: Ported) -> N
     wait_until(ported.online)
 
 
-@pytest.mark.real_time
 def test_a_forbidden_port_says_how_to_get_the_right(ported: Ported, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise PermissionError(errno.EACCES, "Permission denied")

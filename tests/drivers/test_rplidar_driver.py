@@ -343,7 +343,6 @@ def test_a_dirty_start_ends_in_scans_and_closing_stops_everything(wired: Wired) 
     wired.device.close()
 
 
-@pytest.mark.real_time
 def test_the_thread_takes_a_small_part_of_a_core(wired: Wired) -> None:
     wait_until(lambda: len(wired.turns) >= 15)
     taken = share(wired.turns[3], wired.turns[14])
@@ -351,7 +350,6 @@ def test_the_thread_takes_a_small_part_of_a_core(wired: Wired) -> None:
     assert all(later > earlier for (_, earlier), (_, later) in pairwise(wired.turns))
 
 
-@pytest.mark.real_time
 def test_an_unplugged_finder_makes_nobody_spin(wired: Wired) -> None:
     wait_until(lambda: len(wired.turns) >= 2)
     wired.terminal.unplug()

@@ -49,7 +49,6 @@ def eventually(condition: Callable[[], bool]) -> bool:
     return False
 
 
-@pytest.mark.real_time
 def test_it_makes_nothing_before_it_is_opened_and_leaves_nothing_after() -> None:
     terminal = Terminal("nano", VirtualRodney(), ManualClock())
     folder = Path(terminal.path).parent
@@ -103,7 +102,6 @@ def test_one_that_stays_awake_answers_again_and_again_and_falls_asleep_and_can_b
         terminal.close()
 
 
-@pytest.mark.real_time
 def test_a_device_of_many_rates_is_told_even_a_rate_that_has_no_name() -> None:
     clock = SystemClock()
     echo = Echo(clock, 0.0)
@@ -122,7 +120,6 @@ def test_a_device_of_many_rates_is_told_even_a_rate_that_has_no_name() -> None:
         terminal.close()
 
 
-@pytest.mark.real_time
 def test_a_waiting_moment_ends_when_the_terminal_is_closed() -> None:
     clock = ManualClock(10.0)
     echo = Echo(SystemClock(), 1e-4)

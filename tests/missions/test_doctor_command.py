@@ -13,11 +13,11 @@ import pytest
 
 from drivers.api.driver import Driver, Site
 from drivers.api.findings import Finding
-from drivers.clock import SystemClock
 from drivers.kobuki.commands import COMMANDS, RequestExtra
 from drivers.kobuki.wire import FrameFinder, decode
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.kobuki import VirtualKobuki
+from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal, WireDevice
 from missions.assembly.checkup import Checked
@@ -68,10 +68,18 @@ def servos() -> list[VirtualServo]:
 
 
 @pytest.fixture
-def plugged(desk: RecordedMachine, servos: list[VirtualServo]) -> Iterator[None]:
+def clock(monkeypatch: pytest.MonkeyPatch) -> PatientClock:
+    """The command's clock, which waits for the virtual devices."""
+    clock = PatientClock()
+    monkeypatch.setattr("missions.cli.doctor.SystemClock", lambda: clock)
+    return clock
+
+
+@pytest.fixture
+def plugged(desk: RecordedMachine, servos: list[VirtualServo], clock: PatientClock) -> Iterator[None]:
     """Plug a Kobuki, the arm and a Nano in."""
     devices: dict[str, WireDevice] = {"kobuki": VirtualKobuki(), "u2d2": VirtualServoBus(servos)}
-    terminals = [Terminal(name, device, SystemClock()) for name, device in devices.items()]
+    terminals = [Terminal(name, device, clock) for name, device in devices.items()]
     for number, (terminal, name) in enumerate(zip(terminals, devices, strict=True)):
         terminal.open()
         ids, serial = ("0403:6001", "kobuki_A6013") if name == "kobuki" else ("0403:6014", "FT4THVLX")
@@ -96,7 +104,6 @@ def test_a_computer_without_a_robot_is_looked_at_alone(mission: Mission, desk: R
     assert re.search(r"^0 wrong, \d+ warnings, \d+ ok$", told.out.splitlines()[-1])
 
 
-@pytest.mark.real_time
 @pytest.mark.usefixtures("plugged")
 def test_a_robot_that_is_well_is_told_part_by_part_and_a_board_that_would_start_anew_is_left_alone(
     mission: Mission, desk: RecordedMachine
@@ -119,7 +126,6 @@ def test_a_robot_that_is_well_is_told_part_by_part_and_a_board_that_would_start_
     assert again["base", "delay"]["what"] == "190 ms, as earlier runs have learnt"
 
 
-@pytest.mark.real_time
 @pytest.mark.usefixtures("plugged")
 def test_what_ails_servos_is_told_with_cures_for_this_robot_and_ends_with_1(
     mission: Mission, desk: RecordedMachine, servos: list[VirtualServo]
@@ -155,7 +161,6 @@ def failing(keys: object, site: Site) -> Iterator[Finding]:
     raise ZeroDivisionError
 
 
-@pytest.mark.real_time
 @pytest.mark.usefixtures("plugged")
 def test_a_driver_whose_check_up_fails_is_told_and_the_others_are_looked_at(
     mission: Mission, desk: RecordedMachine, monkeypatch: pytest.MonkeyPatch
@@ -189,13 +194,14 @@ class Logged:
         return self._device.poll(now)
 
 
-@pytest.mark.real_time
-def test_nothing_is_sent_that_could_move_or_change_anything(mission: Mission, desk: RecordedMachine) -> None:
+def test_nothing_is_sent_that_could_move_or_change_anything(
+    mission: Mission, desk: RecordedMachine, clock: PatientClock
+) -> None:
     servos = [VirtualServo(1), VirtualServo(2, model="XM430-W350")]  # of which one is not what the file says
     base, arm = Logged(VirtualKobuki()), Logged(VirtualServoBus(servos))
     terminals = list[Terminal]()
     for number, (name, device) in enumerate({"kobuki": base, "u2d2": arm}.items()):
-        terminal = Terminal(name, device, SystemClock())
+        terminal = Terminal(name, device, clock)
         terminal.open()
         desk.port(f"ttyUSB{number}", "0403:6014", behind=terminal.path, rule=name)
         terminals.append(terminal)
@@ -215,7 +221,6 @@ def test_nothing_is_sent_that_could_move_or_change_anything(mission: Mission, de
 # The report
 
 
-@pytest.mark.real_time
 @pytest.mark.usefixtures("plugged")
 def test_the_report_tells_all_but_whose_computer_it_is(
     mission: Mission, desk: RecordedMachine, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
@@ -296,7 +301,6 @@ def test_every_command_that_is_told_as_a_cure_parses(tmp_path: Path, monkeypatch
             assert parsed(words).command.get_short_help_str(), file
 
 
-@pytest.mark.real_time
 @pytest.mark.usefixtures("plugged")
 def test_the_cure_of_a_servo_that_has_shut_down_cures_it(
     mission: Mission, desk: RecordedMachine, servos: list[VirtualServo], capsys: pytest.CaptureFixture[str]
@@ -326,15 +330,16 @@ def test_what_ails_is_kept_for_the_studio_without_whose_computer_it_is(
     assert all(each["verdict"] != "ok" for each in kept["ailing"])
 
 
-@pytest.mark.real_time
-def test_the_cure_of_a_second_arm_names_it(mission: Mission, desk: RecordedMachine, tmp_path: Path) -> None:
+def test_the_cure_of_a_second_arm_names_it(
+    mission: Mission, desk: RecordedMachine, clock: PatientClock, tmp_path: Path
+) -> None:
     file = tmp_path / "pair.yaml"
     file.write_text(
         "robot: pair\nright_arm:\n  kind: arm\n  driver: dynamixel\n  port: /dev/u2d2\n  joints:\n    lift: {id: 1}\n"
     )
     servo = VirtualServo(1)
     servo.overload()
-    with closing(Terminal("u2d2", VirtualServoBus([servo]), SystemClock())) as terminal:
+    with closing(Terminal("u2d2", VirtualServoBus([servo]), clock)) as terminal:
         terminal.open()
         desk.port("ttyUSB0", "0403:6014", behind=terminal.path, rule="u2d2")
         told = mission("--robot", str(file), "--root", str(desk.root), "--json")

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from behaviours.leaf import FAILURE, SUCCESS
-from drivers.clock import SystemClock
 from drivers.dynamixel.make import VIRTUAL_REPLY_TIMEOUT
 from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
 from missions.assembly.checkup import Checked
@@ -85,7 +85,9 @@ def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Termina
     monkeypatch.setattr("drivers.dynamixel.make.REPLY_TIMEOUT", VIRTUAL_REPLY_TIMEOUT)  # it shares this processor
     Path("kit.yaml").write_text(ROBOT)
     servos = VirtualServoBus([VirtualServo(1), VirtualServo(2)])
-    with closing(Terminal("u2d2", servos, SystemClock())) as terminal:
+    clock = PatientClock()
+    monkeypatch.setattr("missions.assembly.together.SystemClock", lambda: clock)
+    with closing(Terminal("u2d2", servos, clock)) as terminal:
         terminal.open()
         yield terminal
 
@@ -102,7 +104,6 @@ def _tried(plugged: Terminal, *answers: bool, unwell: frozenset[str] = frozenset
     return list(tried(config, "kit.yaml", {"arm": plugged.path}, unwell=unwell, ask=ask)), asked
 
 
-@pytest.mark.real_time
 def test_each_joint_is_asked_for_moved_and_asked_about(plugged: Terminal) -> None:
     found, asked = _tried(plugged, True, True, True, False)
     assert [(each.finding.about, each.finding.verdict, each.finding.what) for each in found] == [

@@ -15,8 +15,6 @@ from missions.runner import Runner
 from tests.missions.command import Process
 from tests.waiting import wait_until
 
-pytestmark = pytest.mark.real_time
-
 FAR = "mission: far\ntree:\n  drive: 20 m\n"
 ROBOT = "robot: tester\nbase: {driver: kobuki, port: PORT}\n"
 
@@ -42,6 +40,7 @@ class Driving:
         self.terminal.close()
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize(("number", "word"), [(signal.SIGTERM, "SIGTERM"), (signal.SIGINT, "Ctrl-C")])
 def test_a_signal_in_mid_drive_leaves_the_base_stopped_and_the_port_free(
     number: int, word: str, tmp_path: Path
@@ -58,6 +57,7 @@ def test_a_signal_in_mid_drive_leaves_the_base_stopped_and_the_port_free(
         driving.close()
 
 
+@pytest.mark.real_time
 def test_a_killed_process_leaves_the_base_at_rest_within_a_moment(tmp_path: Path) -> None:
     driving = Driving(tmp_path)
     try:
@@ -67,6 +67,7 @@ def test_a_killed_process_leaves_the_base_at_rest_within_a_moment(tmp_path: Path
         driving.close()
 
 
+@pytest.mark.real_time
 def test_a_mission_that_fails_in_mid_drive_stops_the_base(tmp_path: Path) -> None:
     driving = Driving(tmp_path, mission="mission: far\ntree:\n  drive: 20 m\n  timeout: 1 s\n")
     try:
@@ -78,6 +79,7 @@ def test_a_mission_that_fails_in_mid_drive_stops_the_base(tmp_path: Path) -> Non
         driving.close()
 
 
+@pytest.mark.real_time
 def test_a_base_that_is_unplugged_is_waited_for_and_used_again(tmp_path: Path) -> None:
     driving = Driving(tmp_path)
     try:

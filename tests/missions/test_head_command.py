@@ -16,8 +16,8 @@ import pytest
 
 from config.library import find
 from drivers.arduino.declared import ArduinoKeys
-from drivers.clock import SystemClock
 from drivers.errors import BadRequest
+from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.rodney import VirtualRodney
 from drivers.virtual.terminal import Terminal
 from missions.assembly.lags import ENOUGH
@@ -40,13 +40,11 @@ def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pyt
     return lambda *arguments: command(capsys, "head", *arguments)
 
 
-@pytest.mark.real_time
 def test_the_head_looks_where_it_is_told_and_says_where_its_limits_were(mission: Mission) -> None:
     outcome = mission("look", "--pan", "100", "--tilt", "5")
     assert (outcome.code, outcome.out) == (0, "looks at +80, +5 deg, the limit for +100, +5 deg\n")
 
 
-@pytest.mark.real_time
 def test_where_names_the_joints_with_their_angles_limits_and_trims(mission: Mission) -> None:
     outcome = mission("where", "--json", "--robot", "mine.yaml", "--simulate")
     assert "where it was left" in outcome.err
@@ -57,13 +55,22 @@ def test_where_names_the_joints_with_their_angles_limits_and_trims(mission: Miss
     }
 
 
-def stands(board: VirtualRodney, clock: SystemClock, degrees: tuple[int, int]) -> bool:
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> PatientClock:
+    """The command's clock, which waits for virtual boards as if they were simulated."""
+    clock = PatientClock()
+    monkeypatch.setattr("missions.assembly.together.SystemClock", lambda: clock)
+    return clock
+
+
+def stands(board: VirtualRodney, clock: PatientClock, degrees: tuple[int, int]) -> bool:
     return (board.angle(0, clock.now()), board.angle(1, clock.now())) == degrees
 
 
-@pytest.mark.real_time
-def test_from_one_command_to_the_next_a_board_that_goes_on_running_makes_no_leap(mission: Mission) -> None:
-    clock, board = SystemClock(), VirtualRodney(tacho=True)
+def test_from_one_command_to_the_next_a_board_that_goes_on_running_makes_no_leap(
+    mission: Mission, clock: PatientClock
+) -> None:
+    board = VirtualRodney(tacho=True)
     terminal = Terminal("teensy", board, clock)
     terminal.open()
     try:
@@ -79,14 +86,13 @@ def test_from_one_command_to_the_next_a_board_that_goes_on_running_makes_no_leap
     assert board.widest <= 12 + 2
 
 
-@pytest.mark.real_time
 @pytest.mark.parametrize(
     "words", [("look", "--pan", "20"), ("center",), ("trim", "--pan", "1")], ids=lambda each: each[0]
 )
 def test_a_board_that_nobody_knows_is_warned_of_before_its_head_moves(
-    mission: Mission, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+    mission: Mission, clock: PatientClock, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
 ) -> None:
-    clock, board, told = SystemClock(), VirtualRodney(tacho=True), list[tuple[str, int]]()
+    board, told = VirtualRodney(tacho=True), list[tuple[str, int]]()
     say = click.echo
 
     def noted(text: str = "", *, err: bool = False) -> None:
@@ -118,7 +124,6 @@ def test_the_delay_of_the_camera_is_found_while_the_head_looks_about(mission: Mi
     assert int(found[3]) >= ENOUGH
 
 
-@pytest.mark.real_time
 def test_a_trim_is_kept_on_request_and_nothing_else_in_the_file_is_changed(mission: Mission) -> None:
     before = Path("mine.yaml").read_text()
     outcome = mission("trim", "--robot", "mine.yaml", "--simulate", "--pan", "4", "--tilt", "-3.5")

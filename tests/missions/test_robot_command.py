@@ -1,6 +1,7 @@
 """``mission robot``: which robot is this computer's, what it is made of, and whether it is as its file says."""
 
 import re
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
@@ -10,9 +11,9 @@ import pytest
 
 from config.defaults import config_folder, load_defaults
 from config.library import find
-from drivers.clock import SystemClock
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.kobuki import VirtualKobuki
+from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal, WireDevice
 from missions.cli.names import names_of
@@ -85,13 +86,15 @@ def test_what_is_simulated_without_a_name_is_this_computers_robot(mission: Missi
 
 
 @pytest.fixture
-def plugged(desk: RecordedMachine) -> Iterator[dict[str, Terminal]]:
+def plugged(desk: RecordedMachine, monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, Terminal]]:
     """A Kobuki, and a chain that lacks two of the arm's ten servos."""
     devices: dict[str, WireDevice] = {
         "kobuki": VirtualKobuki(),
         "u2d2": VirtualServoBus([VirtualServo(number) for number in range(1, 9)]),
     }
-    terminals = {name: Terminal(name, device, SystemClock()) for name, device in devices.items()}
+    clock = PatientClock()
+    monkeypatch.setattr(sys.modules["missions.cli.robot.check"], "SystemClock", lambda: clock)  # a command hides it
+    terminals = {name: Terminal(name, device, clock) for name, device in devices.items()}
     for number, (name, terminal) in enumerate(terminals.items()):
         terminal.open()
         ids, serial = ("0403:6001", "kobuki_7") if name == "kobuki" else ("0403:6014", "FT7")
@@ -102,7 +105,6 @@ def plugged(desk: RecordedMachine) -> Iterator[dict[str, Terminal]]:
             pass
 
 
-@pytest.mark.real_time
 @pytest.mark.usefixtures("plugged")
 def test_each_part_is_compared_with_what_answers(mission: Mission, desk: RecordedMachine) -> None:
     told = mission("robot", "check", "turtlebot2_arm", "--root", str(desk.root))

@@ -96,7 +96,6 @@ def test_a_mission_ends_at_rest_when_nobody_reads_what_it_prints(options: list[s
     assert (last["result"], last["reason"]) == ("interrupted", GONE)
 
 
-@pytest.mark.real_time
 def test_events_that_nobody_reads_any_more_end_it_too(tmp_path: Path) -> None:
     (tmp_path / "far.yaml").write_text("mission: far\ntree:\n  drive: 20 m\n")
     os.mkfifo(tmp_path / "events")
@@ -106,7 +105,6 @@ def test_events_that_nobody_reads_any_more_end_it_too(tmp_path: Path) -> None:
     assert process.end() == 130
 
 
-@pytest.mark.real_time
 def test_only_pipes_are_ever_left(tmp_path: Path) -> None:
     told: list[str] = []
     reader, writer = os.pipe()
@@ -119,7 +117,6 @@ def test_only_pipes_are_ever_left(tmp_path: Path) -> None:
             wait_until(lambda: told == [GONE])
 
 
-@pytest.mark.real_time
 def test_a_full_disk_costs_events_and_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -133,7 +130,6 @@ def test_a_full_disk_costs_events_and_is_told(
     assert "Traceback" not in outcome.err
 
 
-@pytest.mark.real_time
 def test_log_is_shown_and_recorded(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -145,7 +141,6 @@ def test_log_is_shown_and_recorded(
 
 
 @pytest.mark.parametrize(("number", "word"), [(signal.SIGTSTP, "Ctrl-Z"), (signal.SIGQUIT, "Ctrl-\\")])
-@pytest.mark.real_time
 def test_the_other_keys_that_people_press_in_a_panic_stop_it_too(number: int, word: str, tmp_path: Path) -> None:
     (tmp_path / "far.yaml").write_text("mission: far\ntree:\n  drive: 20 m\n")
     process = Process("run", "far.yaml", "--json", "--events", "e.jsonl", folder=tmp_path)
@@ -192,7 +187,6 @@ def test_an_expression_trusts_no_stale_reading() -> None:
         parse("base.bumper").evaluate(state)
 
 
-@pytest.mark.real_time
 def test_what_only_an_expression_reads_is_part_of_what_a_mission_needs(tmp_path: Path) -> None:
     path = tmp_path / "watch.yaml"
     path.write_text("mission: watch\ntree:\n  wait: 1 s\n  until: face.seen\n  if: battery.percent > 1\n")
@@ -200,7 +194,6 @@ def test_what_only_an_expression_reads_is_part_of_what_a_mission_needs(tmp_path:
     assert Runner(RunRequest(str(path))).run().result == "success"
 
 
-@pytest.mark.real_time
 def test_the_battery_of_the_robot_is_known_when_the_mission_starts(tmp_path: Path) -> None:
     path = tmp_path / "watch.yaml"
     path.write_text("mission: watch\ntree:\n  fail: empty\n  if: battery.percent < 1\n")

@@ -26,8 +26,6 @@ from tests.drivers.test_kobuki_driver import DirectLink
 from tests.missions.lone_base import Witness
 from tests.waiting import wait_until
 
-pytestmark = pytest.mark.real_time
-
 WITHIN = 0.5
 """Seconds from the last command of a tick loop to rest, straight ahead at the speed that turtlebot2 ships with."""
 
@@ -106,6 +104,7 @@ class Stalling(Leaf):
         return FAILURE
 
 
+@pytest.mark.real_time
 def test_a_behaviour_that_holds_up_the_tick_of_a_mission_leaves_the_base_at_rest(tmp_path: Path) -> None:
     mission = tmp_path / "ahead.yaml"
     mission.write_text("mission: ahead\ntree:\n  drive: 100 m\n  timeout: 30 s\n", encoding="utf-8")
