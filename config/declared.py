@@ -61,7 +61,7 @@ def _read(fields: Fields, cls: type[K]) -> K:
         if each.form == "rest":
             values[each.field] = _rest(fields, each, {other.word for other in declared(cls)})
             continue
-        node = fields.node_of(each.word, required=each.required)
+        node = fields.node_of(each.word, required=each.required, hint=each.help)
         if node is not None:
             values[each.field] = _value(fields, each, each.word, node, (each.word,))
             continue

@@ -33,13 +33,13 @@ class Fields:
         if sure or not self.torn:
             note(self.faults, Diagnostic(self.source, mark, message, suggestion))
 
-    def node_of(self, key: str, *, required: bool = False) -> Node | None:
-        """Return the node of ``key``, None where it is missing."""
+    def node_of(self, key: str, *, required: bool = False, hint: str = "") -> Node | None:
+        """Return the node of ``key``, None where it is missing; ``hint`` says what to write where it is required."""
         self._known.add(key)
         found = self.node.get(key) if isinstance(self.node, Mapping) else None
         if found is None and required and isinstance(self.node, Mapping):
-            self.fault(self.node.mark, f"{self.what} needs '{key}'")
-            self._lacking[key] = Diagnostic(self.source, self.node.mark, f"{self.what} needs '{key}'")
+            self.fault(self.node.mark, f"{self.what} needs '{key}'", hint)
+            self._lacking[key] = Diagnostic(self.source, self.node.mark, f"{self.what} needs '{key}'", hint)
         return found
 
     def measure(

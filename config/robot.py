@@ -190,7 +190,7 @@ def _section(fields: Fields, name: str, kind: Kind, drivers: Drivers) -> Section
 
 def _driver(fields: Fields, kind: Kind, drivers: Drivers) -> Driver | None:
     """Return the driver that a section names; where that is none, the one that is meant most likely."""
-    node = fields.node_of("driver", required=not kind.usual)
+    node = fields.node_of("driver", required=not kind.usual, hint="`mission list drivers` has all")
     named = kind.usual if node is None else node.text if isinstance(node, Scalar) else ""
     mark = fields.node.mark if node is None else node.mark
     try:

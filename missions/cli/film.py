@@ -44,6 +44,11 @@ class Film:
         """From when on it could not be written, and why; empty while all is well."""
         return self._movie.trouble
 
+    @property
+    def pictures(self) -> int:
+        """How many it has."""
+        return self._movie.pictures
+
     def __enter__(self) -> Self:
         self._movie.__enter__()
         self._open = True

@@ -40,7 +40,8 @@ def check_place(path: Path, option: str) -> None:
     """
     if path.suffix in CODECS:
         if not path.parent.is_dir():
-            raise click.UsageError(f"{option}: {path.parent}: no such folder")
+            made = f"mkdir -p {shlex.quote(str(path.parent))}"
+            raise click.UsageError(f"{option}: {path.parent}: no such folder\n  try: {made}")
     elif path.is_file():
         raise click.UsageError(f"{option}: {path} is a file; end it in {', '.join(CODECS)}, or name a folder")
     elif path.is_dir() and any(path.iterdir()):

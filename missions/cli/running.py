@@ -101,7 +101,7 @@ def run(
     if until is not None and runner.twins is not None:
         runner.twins.timeline.at(until, partial(_end, runner, until))
     with ExitStack() as closing:
-        _write(outputs, runner, closing, out)
+        film = _write(outputs, runner, closing, out)
         if recording is not None:
             closing.enter_context(recording)
         if outputs.view:
@@ -115,7 +115,7 @@ def run(
             tell_unreachable(control)
             settle()
             result = runner.run()
-    if written := _written(outputs, recording) if result.reason != GONE else []:
+    if written := _written(outputs, recording, film) if result.reason != GONE else []:
         with suppress(OSError):
             click.echo(f"wrote {', '.join(written)}", err=True)
     for lost in runner.stream.lost if result.reason != GONE else ():
@@ -124,10 +124,11 @@ def run(
     return result
 
 
-def _written(outputs: Outputs, recording: Recording | None) -> list[str]:
-    """Return the files that a run has left behind."""
+def _written(outputs: Outputs, recording: Recording | None, film: "Film | None") -> list[str]:
+    """Return the files that a run has left behind, but a film of which nothing could be written."""
     record = outputs.record.path if outputs.record is not None and recording is not None and recording.begun else None
-    return [str(path) for path in (record, outputs.events, outputs.film) if path is not None]
+    filmed = None if film is None or not film.pictures else outputs.film
+    return [str(path) for path in (record, outputs.events, filmed) if path is not None]
 
 
 def _check(order: RunRequest, outputs: Outputs, out: TextIO, until: float | None) -> None:
@@ -166,8 +167,12 @@ def _end(runner: Runner, time: float) -> None:
     runner.executive.stop(f"still running after {written(time, 'duration')} of simulated time: {', '.join(at)}")
 
 
-def _write(outputs: Outputs, runner: Runner, closing: ExitStack, out: TextIO) -> None:
-    """Have events and a film written until ``closing`` ends, and the run ended where nobody reads any more."""
+def _write(outputs: Outputs, runner: Runner, closing: ExitStack, out: TextIO) -> "Film | None":
+    """Have events and a film written until ``closing`` ends, and the run ended where nobody reads any more.
+
+    Return the film, where there is to be one.
+    """
+    film = None
     read = [sys.stdout, out]
     if outputs.events is not None:
         from missions.cli.outputs import writing  # noqa: PLC0415 - most runs write no events
@@ -188,6 +193,7 @@ def _write(outputs: Outputs, runner: Runner, closing: ExitStack, out: TextIO) ->
         closing.enter_context(film)
     if outputs.leash is None:  # which tells that the server has gone
         closing.enter_context(heeded(read, runner.executive.stop))
+    return film
 
 
 def _tell_trouble(film: "Film") -> None:

@@ -15,7 +15,7 @@ from drivers.api.kinds import SEVERAL
 from missions.language.finding import KIND as FACE
 from missions.language.finding import as_face, check_text, finder, read_face
 from missions.language.modifiers import outdent
-from missions.language.notes import Notes
+from missions.language.notes import Notes, hole_meant
 from missions.language.phrases import KIND as PHRASES
 from missions.language.phrases import read_phrases, second_phrase
 from missions.language.values import UNREAD, Convert, Value, in_si, shown, whole
@@ -41,7 +41,8 @@ def read_arguments(notes: Notes, leaf: type[Leaf], key: Scalar, node: Node | Non
                 values[name.text] = read_argument(notes, declared[name.text], given, f"'{leaf.word}': '{name.text}'")
             else:
                 hint = second_phrase(leaf, node, name) or outdent(name.text, leaf.word)
-                hint = hint or key_meant(name.text, declared)
+                bare = name.text in notes.params and isinstance(given, Scalar) and given.value is None
+                hint = hole_meant(f"{{{name.text}}}") if bare else hint or key_meant(name.text, declared)
                 notes.fault(name.mark, f"'{leaf.word}' has no argument '{name.text}'", hint, sure=True)
                 values[name.text] = UNREAD
     elif node is not None and not (isinstance(node, Scalar) and node.value is None):

@@ -37,6 +37,17 @@ FLAGS = {"yes": "true", "on": "true", "no": "false", "off": "false"}
 """What others write for what is true or false."""
 
 
+_ELSEWHERE = re.compile(
+    r"\$(?P<shell>[\w.]+)|\{\{\s*(?P<jinja>[\w.]+)\s*\}\}|\{(?P<tree>[\w.]+)\}|\$\((?P<make>[\w.]+)\)"
+)
+
+
+def hole_meant(text: str) -> str:
+    """Say how to write what other languages write as $x, {x} or {{x}}; nothing for any other text."""
+    found = _ELSEWHERE.fullmatch(text.strip())
+    return f"write ${{{found[found.lastgroup]}}} for its value" if found and found.lastgroup else ""
+
+
 @dataclass(slots=True)
 class Words:
     """What any mission may name: leaves, gestures and controllers, and other missions, found from the file's folder.
@@ -118,15 +129,17 @@ class Notes:
             self.wrong_expression(node, error, what)
             return UNREAD
         if filled is None:
-            return self.constant(node, node.value, what, convert, sure=True)
+            return self.constant(node, node.value, what, convert, sure=True, hint=hole_meant(node.text))
         return self.computed(node, filled, what, convert, wants)
 
-    def constant(self, node: Node, value: object, what: str, convert: Convert, *, sure: bool = False) -> Value:
-        """Convert a value that is known now."""
+    def constant(
+        self, node: Node, value: object, what: str, convert: Convert, *, sure: bool = False, hint: str = ""
+    ) -> Value:
+        """Convert a value that is known now; ``hint`` is what to write where that cannot be."""
         try:
             return Value(convert(value))
         except (ValueError, LookupError) as error:
-            self.fault(node.mark, f"{what} {error.args[0] if error.args else error}", sure=sure)
+            self.fault(node.mark, f"{what} {error.args[0] if error.args else error}", hint, sure=sure)
             return UNREAD
 
     def computed(

@@ -63,7 +63,7 @@ def plain_default(argument: Argument) -> object:
 def shown_default(argument: Argument) -> str:
     """Write a default as a mission would."""
     default = plain_default(argument)
-    if default is None or default in ([], {}):
+    if default is None or default in ("", [], {}):
         return "nothing"
     if isinstance(default, bool):
         return str(default).lower()

@@ -352,6 +352,9 @@ UNITS = "(units: deg, rad)"
         (["- turn: 30°"], "30°", f"{ANGLE}: unknown unit '°' (write '30 deg')", ""),
         (["- turn: 3 m"], "3 m", f"{ANGLE}, got a length: '3 m'", ""),
         (["- turn: left"], "left", f"{ANGLE}, got 'left'", ""),
+        (["- turn: $side"], "$side", f"{ANGLE}, got '$side'", "write ${side} for its value"),
+        (["- turn: '{side}'"], "'{side}'", f"{ANGLE}, got '{{side}}'", "write ${side} for its value"),
+        (["- turn: '{{ side }}'"], "'{{ side }}'", f"{ANGLE}, got '{{{{ side }}}}'", "write ${side} for its value"),
         (["- turn: {angle: }"], "}", "'turn': 'angle' needs an angle such as '30 deg', got nothing", ""),
         (
             ["- drive: {distance: 1 m, speed: 3 m/s}"],

@@ -15,6 +15,7 @@ from drivers.api import Image
 from missions.cli import movie
 from missions.cli.movie import CODECS, LOOK, Movie
 from tests.browser import Browser
+from tests.missions.command import command
 
 RATE = 12.5
 
@@ -110,3 +111,20 @@ def test_pictures_in_a_folder_end_where_the_disk_is_full(tmp_path: Path) -> None
 def test_a_film_that_cannot_be_begun_is_refused() -> None:
     with pytest.raises(click.UsageError, match=r"--film: /proc/film\.webm: No such file"):
         filmed(Path("/proc/film.webm"), 1)
+
+
+def test_a_film_for_which_there_is_no_room_at_all_is_not_said_to_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(movie, "_room", lambda _: 1000)
+    done = command(capsys, "run", "look_around", "--simulate", "fast", "--film", str(tmp_path / "film.webm"))
+    assert (done.code, "wrote" in done.err) == (0, False)
+    assert "film.webm: ends after 0 pictures" in done.err
+
+
+def test_a_film_into_a_folder_that_is_not_there_is_refused_with_what_to_type(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    done = command(capsys, "run", "look_around", "--film", str(tmp_path / "films" / "film.webm"))
+    assert done.code == 2
+    assert f"try: mkdir -p {tmp_path / 'films'}" in done.err

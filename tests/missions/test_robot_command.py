@@ -157,3 +157,12 @@ def test_the_axes_of_each_head_are_shown_with_their_trims(mission: Mission, tmp_
     shown = mission("robot", "show", str(file)).out
     assert "  pan (servo 0): -80 to 80 deg, trim +4 deg\n" in shown
     assert "  pan (servo 2): -90 to 90 deg\n  tilt (servo 3): -90 to 90 deg\n" in shown
+
+
+def test_a_default_that_cannot_be_kept_is_told_with_its_file_and_what_to_type(mission: Mission) -> None:
+    (config_folder().parent).mkdir(parents=True, exist_ok=True)
+    config_folder().touch()
+    told = mission("robot", "use", "turtlebot2")
+    assert told.code == 2
+    assert f"{config_folder() / 'defaults.yaml'}: there is no folder {config_folder()}" in told.err
+    assert "try: mkdir -p" in told.err

@@ -4,11 +4,12 @@ from pathlib import Path
 
 import click
 
-from config.defaults import keep_default
+from config.defaults import FILE, config_folder, keep_default
 from config.editing import NotEditableError
 from config.library import find, shipped
 from config.writing import word
 from missions.cli.names import ROBOT
+from missions.cli.outputs import writing
 from missions.cli.robot.first import able
 from missions.cli.root import SUCCESS
 from missions.library.drivers import load_robot
@@ -26,7 +27,8 @@ def use(name: str) -> int:
     config = load_robot(path)
     stays = name if name in shipped("robots") or not Path(name).is_file() else str(path.resolve())
     try:
-        kept = keep_default("robot", word(stays))
+        with writing(config_folder() / FILE, "NAME"):
+            kept = keep_default("robot", word(stays))
     except NotEditableError as error:
         raise click.UsageError(str(error)) from error
     click.echo(f"{stays} is this computer's robot now: {kept}")
