@@ -129,7 +129,7 @@ FAULTS = (
     Planted("battery ends nothing", "missions/executive/guard.py", "if battery.critical else", "if False else"),
     Planted(
         "what was decided before an absence goes on",
-        "missions/executive/decided.py",
+        "missions/executive/asked.py",
         "leaf.since < returned:",
         "leaf.since < returned - 1e9:",
     ),

@@ -109,7 +109,7 @@ def rows() -> Iterator[Row]:
         cost = measured(scenario, SHORT)
         yield Row(f"a run on the metal, {name}: of a core", cost.share, 1.0, cost.share, scenario.bound)
     yield Row("its memory, MB", cost.memory, 110.0, cost.memory / 110.0, 1.0)
-    for name, bound, found in (("start to first tick", 0.6, start()), ("mission check greet", 0.25, check())):
+    for name, bound, found in (("start to first tick", 0.8, start()), ("mission check greet", 0.25, check())):
         yield Row(f"{name}: processor time", found, bound, found / bound, 1.0)
 
 
@@ -152,7 +152,7 @@ def _running(scenario: Scenario, robot: Beside, folder: Path, imported: Path) ->
 
 
 def start() -> float:
-    """Return the seconds of processor time until the first tick, the median of several starts."""
+    """Return the seconds of processor time until the first tick, its processes' too: the median of several starts."""
     found = []
     with tempfile.TemporaryDirectory() as folder, robot_beside("living_room") as robot:
         events = Path(folder, "events")
@@ -160,7 +160,7 @@ def start() -> float:
         for _ in range(STARTS):
             command = [sys.executable, "-m", "missions", "run", "greet", "--events", str(events), *robot.options]
             with Popen(command, stdin=DEVNULL, stdout=DEVNULL, env=_compiled()) as process, events.open() as lines:
-                next(line for line in lines if '"tick"' in line)
+                next(line for line in lines if '"tick": 1' in line)  # before it, what is known as it starts is told
                 found.append(sum(_spent(process.pid).values()))
                 process.send_signal(signal.SIGINT)
                 lines.read()
