@@ -7,6 +7,7 @@ metric learning, 2017).
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -34,24 +35,32 @@ MODELS = "face_recognition_models"
 
 POINTS, NETWORK = "shape_predictor_5_face_landmarks.dat", "dlib_face_recognition_resnet_model_v1.dat"
 
+LENGTH = 128
+
 Feature = npt.NDArray[np.float64]
-"""What describes a face: shape (128,), float64."""
+"""What describes a face: shape (LENGTH,), float64."""
 
 
 Describer = Callable[[Image, Box], Feature]
 """Makes a feature of the face in a box of a picture."""
 
+Learner = Callable[[str, Sequence[Image]], Sequence[Feature]]
+"""Makes the features of the portraits of somebody, who is called so."""
+
 
 class DlibPeople:
     """Knows people by dlib's network: a ``perception.identity.Recogniser``. For one thread at a time.
 
-    ``portraits`` are those of ``perception.people.enrol``; they are learnt at the first look. What ``describe`` raises
-    is passed on.
+    ``portraits`` are those of ``perception.people.enrol``; they are learnt at the first look, by ``learn``, which
+    may have described them before; without it they are described now. What ``describe`` raises is passed on.
     """
 
-    def __init__(self, portraits: Mapping[str, Sequence[Image]], describe: Describer) -> None:
+    def __init__(
+        self, portraits: Mapping[str, Sequence[Image]], describe: Describer, learn: Learner | None = None
+    ) -> None:
         self._portraits = portraits
         self._describe = describe
+        self._learn = learn or self._described
 
     def look(self, image: Image, face: Box) -> Look | None:
         """Return who is nearest, and by how much; None for a box without pixels."""
@@ -67,10 +76,10 @@ class DlibPeople:
     @cached_property
     def _people(self) -> Mapping[str, npt.NDArray[np.float64]]:
         """The features of each person, a row for each portrait."""
-        return {
-            name: np.stack([self._describe(each, face_in(each)) for each in portraits])
-            for name, portraits in self._portraits.items()
-        }
+        return {name: np.stack(self._learn(name, portraits)) for name, portraits in self._portraits.items()}
+
+    def _described(self, _: str, portraits: Sequence[Image]) -> list[Feature]:
+        return [self._describe(each, face_in(each)) for each in portraits]
 
 
 class DlibDescriber:
@@ -83,6 +92,15 @@ class DlibDescriber:
         left, top = round(face.x), round(face.y)
         box = dlib.rectangle(left, top, left + round(face.width), top + round(face.height))
         return np.array(network.compute_face_descriptor(shown, points(shown, box)))
+
+    @cached_property
+    def model(self) -> str:
+        """By what its features are known to be of these very models, and of this dlib. Raises as a look."""
+        dlib, _, _ = self._dlib
+        seen = sha256(str(dlib.__version__).encode())
+        for name in (POINTS, NETWORK):
+            seen.update((models_folder() / name).read_bytes())
+        return seen.hexdigest()
 
     @cached_property
     def _dlib(self) -> tuple[Any, Any, Any]:

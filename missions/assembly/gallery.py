@@ -7,6 +7,7 @@ from config.people import PersonConfig
 from drivers.api import DeviceStatus, Report
 from drivers.api.senses import CameraKeys
 from missions.assembly.detectors import yunet_file
+from missions.assembly.features import Features
 from missions.library.interests import Interests
 from missions.library.people import People, PeopleError, folder
 from perception.api import Box, Image
@@ -85,5 +86,6 @@ def gallery(camera: CameraKeys, report: Report) -> Recogniser:
         model = Path(camera.identity.model).expanduser()
         return SFacePeople(model, YuNetFaces(yunet_file(camera)), portraits)
     if camera.identity.method == "dlib":
-        return DlibPeople(portraits, DlibDescriber())
+        describe = DlibDescriber()
+        return DlibPeople(portraits, describe, Features(people, describe))
     return KnownPeople(portraits)

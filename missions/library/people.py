@@ -1,7 +1,8 @@
 """The people whom the robot knows: their pictures, each in a folder of its name, which nobody else may read.
 
-Nothing else is kept of them: what recognises them is learnt anew from the pictures at each start. Somebody is a folder
-with pictures (``missions.library.portraits``); whatever else is there belongs to somebody else, and is left alone.
+Nothing else is kept of them but what a network has made of these pictures (``missions.assembly.features``), and that
+goes with them. Somebody is a folder with pictures (``missions.library.portraits``); whatever else is there belongs to
+somebody else, and is left alone.
 """
 
 import fcntl
@@ -15,7 +16,7 @@ from pathlib import Path
 from shlex import quote
 
 from missions.library.folders import data_folder
-from missions.library.portraits import NEW, clear, digest, files_in, keep, read
+from missions.library.portraits import FEATURES, NEW, clear, digest, files_in, keep, read
 from perception.api import UNKNOWN, Image
 from perception.people import FEWEST, MAX_PICTURES, MAX_PICTURES_TOGETHER
 
@@ -131,7 +132,7 @@ class People:
         fresh = self.new_ones(name, portraits)
         kept = self.find(name) or proper_name(name)
         try:
-            with self._alone():
+            with self.alone():
                 if fresh:
                     keep(fresh, self.where / kept)
         except OSError as error:
@@ -151,10 +152,25 @@ class People:
             raise PeopleError(f"nobody is called '{name}'", hint=f"known: {known}")
         home = self.where / kept
         try:
-            with self._alone():
+            with self.alone():
                 return clear(home)
         except OSError as error:
             raise PeopleError(f"{home}: {error.strerror}", hint=f"ls -l {home}  (what is left there?)") from error
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Make the folder, keep others from changing it meanwhile, and clear away what one that was killed has left."""
+        self.where.mkdir(mode=0o700, parents=True, exist_ok=True)
+        number = os.open(self.where, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            with suppress(OSError):  # a network's disk may know no locks: there only one may add at a time
+                fcntl.flock(number, fcntl.LOCK_EX)
+            for left in self._folders():
+                if left.name.startswith(NEW) or _left_over(left):
+                    clear(left)
+            yield
+        finally:
+            os.close(number)
 
     def shut(self) -> bool:
         """Take the rights of others away from the folder and the pictures in it, and say whether anybody had some.
@@ -211,20 +227,12 @@ class People:
         except OSError as error:
             raise PeopleError(f"{self.where}: {error.strerror}", hint=f"ls -ld {self.where}") from error
 
-    @contextmanager
-    def _alone(self) -> Iterator[None]:
-        """Make the folder, keep others from changing it meanwhile, and clear away what one that was killed has left."""
-        self.where.mkdir(mode=0o700, parents=True, exist_ok=True)
-        number = os.open(self.where, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            with suppress(OSError):  # a network's disk may know no locks: there only one may add at a time
-                fcntl.flock(number, fcntl.LOCK_EX)
-            for left in self._folders():
-                if left.name.startswith(NEW):
-                    clear(left)
-            yield
-        finally:
-            os.close(number)
+
+def _left_over(home: Path) -> bool:
+    """Whether somebody's pictures were deleted by hand, and what a network made of them was not."""
+    with suppress(OSError):
+        return (home / FEATURES).is_file() and not files_in(home)
+    return False
 
 
 def _key(name: str) -> str:

@@ -21,6 +21,9 @@ from perception.api import Image
 NEW = ".new-"
 """How the names of folders begin whose pictures are not all there yet."""
 
+FEATURES = ".features.json"
+"""What a network has made of the pictures in a folder: see ``missions.assembly.features``."""
+
 MOST_PIXELS, MOST_BYTES = 4_000_000, 16_000_000
 """Pixels and bytes of a picture: a portrait is of some 300 x 300."""
 
@@ -68,10 +71,13 @@ def keep(portraits: Sequence[Image], folder: Path) -> None:
 
 
 def clear(folder: Path) -> int:
-    """Delete the pictures in a folder, and it too when nothing is left in it; return how many. Raises OSError."""
+    """Delete the pictures in a folder and what was made of them; and it too when nothing is left in it.
+
+    Return how many there were. Raises OSError.
+    """
     pictures = files_in(folder)
     halves = [path for path in folder.glob(f"{NEW}*") if not path.is_dir()]  # of somebody who was added in older days
-    for path in (*pictures, *halves):
+    for path in (folder / FEATURES, *pictures, *halves):
         path.unlink(missing_ok=True)
     with suppress(OSError):  # there is something else in it, or it has gone
         folder.rmdir()

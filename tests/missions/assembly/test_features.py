@@ -1,0 +1,135 @@
+"""What dlib's network made of people's portraits: once for each, and nothing is left of whom one removes."""
+
+import json
+import stat
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from missions.assembly.features import Features
+from missions.library.people import People
+from missions.library.portraits import FEATURES
+from perception.api import Box, Image
+from perception.dlib_people import LENGTH, DlibDescriber, DlibPeople, Feature
+from tests.missions.library.test_people import ANNA, BEN, taken
+
+
+class Describer(DlibDescriber):
+    """Describes a picture by its first pixels, and counts how often it is asked."""
+
+    def __init__(self, model: str = "net") -> None:
+        self.model = model
+        self.asked = 0
+
+    def __call__(self, image: Image, face: Box) -> Feature:  # noqa: ARG002 - a portrait is its face
+        self.asked += 1
+        return image.ravel()[:LENGTH] / 255
+
+
+@pytest.fixture
+def people(tmp_path: Path) -> People:
+    found = People(tmp_path / "people")
+    found.add("Anna", ANNA)
+    found.add("Ben", BEN)
+    return found
+
+
+def learn(people: People, describe: Describer) -> int:
+    """Learn everybody as at a start, see that all are right, and return how often the network was asked."""
+    features = Features(people, describe)
+    for name, pictures in people.portraits(lambda _: None).items():
+        for picture, feature in zip(pictures, features(name, pictures), strict=True):
+            assert np.array_equal(feature, picture.ravel()[:LENGTH] / 255)
+    return describe.asked
+
+
+def names(people: People) -> list[str]:
+    return sorted(str(path.relative_to(people.where)) for path in people.where.rglob(FEATURES))
+
+
+def test_a_picture_is_described_once_and_not_at_each_start(people: People) -> None:
+    assert learn(people, Describer()) == len(ANNA) + len(BEN)
+    assert learn(people, Describer()) == 0
+    people.add("Anna", [taken(99)])
+    assert learn(people, Describer()) == 1
+    assert learn(people, Describer("another net")) == len(ANNA) + len(BEN) + 1
+
+
+def test_dlib_learns_by_it_at_the_first_look(people: People) -> None:
+    learn(people, Describer())
+    describe = Describer()
+    known = DlibPeople(people.portraits(lambda _: None), describe, Features(people, describe))
+    look = known.look(ANNA[0], Box(4.0, 4.0, 12.0, 12.0))
+    assert look is not None
+    assert describe.asked == 1
+
+
+def test_it_is_for_its_owner_only(people: People) -> None:
+    learn(people, Describer())
+    assert stat.S_IMODE((people.where / "Anna" / FEATURES).stat().st_mode) == 0o600
+
+
+def test_nothing_is_left_of_who_is_removed(people: People) -> None:
+    learn(people, Describer())
+    people.remove("Anna")
+    assert names(people) == [f"Ben/{FEATURES}"]
+    assert not (people.where / "Anna").exists()
+
+
+def test_nothing_is_kept_of_who_is_removed_while_a_run_has_the_pictures(people: People) -> None:
+    pictures = people.portraits(lambda _: None)
+    (people.where / "Anna" / "letter.txt").write_text("of somebody else")
+    people.remove("Anna")
+    Features(people, Describer())("Anna", pictures["Anna"])
+    assert names(people) == []
+
+
+def test_nothing_is_kept_of_a_picture_that_was_deleted_by_hand(people: People) -> None:
+    learn(people, Describer())
+    people.add("Anna", [taken(98)])
+    (people.where / "Anna" / "001.png").unlink()
+    learn(people, Describer())
+    told = json.loads((people.where / "Anna" / FEATURES).read_text("utf-8"))
+    assert len(told["features"]) == len(ANNA)
+    for path in (people.where / "Ben").glob("*.png"):
+        path.unlink()
+    people.add("Anna", [taken(97)])
+    assert names(people) == [f"Anna/{FEATURES}"]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        b"",
+        b"\xff\xfe",
+        b"[]",
+        b'{"model": "net"}',
+        b'{"model": "net", "features": [1]}',
+        b"[" * 100_000,
+        b'{"model": "net", "features": {"ab": [1.0]}}',
+        b'{"model": "net", "features": {"ab": %s}}' % str([float("nan")] * LENGTH).replace("nan", "NaN").encode(),
+    ],
+)
+def test_a_damaged_file_is_written_anew(damage: bytes, people: People) -> None:
+    path = people.where / "Anna" / FEATURES
+    path.write_bytes(damage)
+    assert learn(people, Describer()) == len(ANNA) + len(BEN)
+    assert learn(people, Describer()) == 0
+
+
+def test_a_link_is_not_followed(people: People, tmp_path: Path) -> None:
+    learn(people, Describer())
+    path = people.where / "Anna" / FEATURES
+    kept = path.rename(tmp_path / "elsewhere.json")
+    before = kept.read_bytes()
+    path.symlink_to(kept)
+    assert learn(people, Describer()) == len(ANNA)
+    assert not path.is_symlink()
+    assert kept.read_bytes() == before
+
+
+def test_where_it_cannot_be_kept_people_are_known_nevertheless(people: People) -> None:
+    (people.where / "Anna" / FEATURES).mkdir()
+    assert learn(people, Describer()) == len(ANNA) + len(BEN)
+    assert learn(people, Describer()) == len(ANNA)
