@@ -32,6 +32,11 @@ TURNED = math.radians(0.25)
 """A change of the pose by less is not worth a word: it is within a step of a servo's sensor."""
 
 
+BEHIND, ASTRAY = 0.2, math.radians(2)
+"""Seconds of its way by which a joint may be behind where it is led, as servos and readings are, and radians besides:
+one that is farther off is kept back by somebody."""
+
+
 @dataclass(frozen=True, slots=True)
 class JointAxis:
     """One joint of a neck, a ``drivers.pantilt.Axis``. The joint's own description says which way it is mounted.
@@ -125,6 +130,16 @@ class JointsHead(LedHead[JointAxis], Generic[J]):
             raise NotConnected(health.detail or f"{self.name}: not there yet", hint=health.hint)
         self._joints.move({})  # may they be moved at all?
         return self._way.look(target, self._clock.now())
+
+    def stop(self) -> None:
+        """Brake, within its acceleration, and hold; a joint that somebody has kept back stays where it is."""
+        super().stop()
+        here, now = self._newest.value, self._now()
+        if self._there and here is not None:
+            far = BEHIND * self.limits.speed + ASTRAY
+            led = zip((here.pan, here.tilt), self._way.advance(now), strict=True)
+            pan, tilt = (stands if abs(step.angle - stands) > far else None for stands, step in led)
+            self._way.let_go(pan=pan, tilt=tilt, now=now)
 
     def pose(self) -> Reading[HeadPose]:
         """Where the joints were measured last; stale while one is not there, and none before both first were."""

@@ -135,13 +135,6 @@ FAULTS = (
     ),
     Planted("nobody looks at the base during a pause", EXECUTIVE, "                self._keep_watch(due)\n", ""),
     Planted("tasks not synced", "missions/service/schema.py", "synchronous = FULL", "synchronous = OFF", by=POWER),
-    Planted(
-        "folder of tasks not synced",
-        "missions/service/schema.py",
-        "            os.fsync(number)\n",
-        "            pass\n",
-        by=POWER,
-    ),
     Planted("record not synced", "missions/records/recording/sink.py", "os.fdatasync(self._number)", "pass", by=POWER),
     Planted(
         "a record loses an answer",

@@ -1,6 +1,6 @@
 """A head that is two joints of an arm: what it does beside the contract of all heads, in simulated time."""
 
-from math import inf, nan, pi
+from math import inf, nan, pi, radians
 
 import pytest
 
@@ -93,6 +93,20 @@ def test_relaxed_by_somebody_it_lets_go_of_its_goal_and_goes_on_from_where_it_is
     assert stopped[0] - 0.1 < bench.truth[0] <= stopped[0] + 0.006
     bench.run(1.0)
     assert bench.truth == near(0.0, 0.0)
+
+
+def test_held_again_and_again_by_somebody_it_stays_there_once_it_is_stopped() -> None:
+    bench = Bench()
+    bench.open()
+    for _ in range(40):
+        bench.neck.look(HeadPose(1.2, 0.5))
+        bench.run(0.02)
+        bench.arm.hold()
+    held = bench.truth
+    bench.neck.stop()
+    bench.arm.hold()
+    bench.run(1.0)
+    assert bench.truth == pytest.approx(held, abs=radians(2))
 
 
 def test_a_joint_that_has_shut_down_holds_nobody_up() -> None:

@@ -44,9 +44,6 @@ class Loss:
         return "; ".join(said)
 
 
-START_TIME = 20.0
-"""Seconds that the process has to begin: it takes half of one, but machines are busy."""
-
 GLANCE = 0.1
 """Seconds within which a pipe that is full sees that its process has been given up."""
 
@@ -69,10 +66,10 @@ class Outlet:
 
     What it tells: ``counts`` of the messages that it has written, once it is ``closed``; ``lost`` those that it could
     not write, and ``why``; ``ended`` is when the record reached its limit. ``troubles`` are for somebody to report.
-    It ``takes`` items until it is closed, has died or was given up.
+    It ``takes`` items until it is closed, has died or was given up. It has ``start_time`` seconds to begin.
     """
 
-    def __init__(self, path: Path, *, limit: float, overwrite: bool) -> None:
+    def __init__(self, path: Path, *, limit: float, overwrite: bool, start_time: float) -> None:
         self.troubles: deque[str] = deque()
         self.counts: Mapping[str, int] = {}
         self.lost: Mapping[str, int] = {}
@@ -81,6 +78,7 @@ class Outlet:
         self.closed = self.takes = False
         self._path = path
         self._overwrite = overwrite
+        self._start_time = start_time
         self._arguments = [str(path.resolve()), repr(float(limit)), "overwrite" if overwrite else "new"]
         self._process: subprocess.Popen[bytes] | None = None
         self._to = self._from = -1
@@ -108,10 +106,10 @@ class Outlet:
         self._start()
         self.send(packed([contents]))
         wall = SystemClock()
-        while self.takes and not self._ready and wall.now() < START_TIME:
+        while self.takes and not self._ready and wall.now() < self._start_time:
             self.hear(GLANCE)
         if not self._ready:
-            why = self.why or f"its process did not begin within {START_TIME:.0f} s"
+            why = self.why or f"its process did not begin within {self._start_time:.0f} s"
             self.give_up(why)
             self.finish()
             raise CannotRecordError(f"{self._path}: cannot be written: {why}", hint="another folder or disk, with room")

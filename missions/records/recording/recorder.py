@@ -47,6 +47,9 @@ FEEDBACK_PERIOD = 0.2
 CHECK_PERIOD = 2.0
 """Seconds from one look at the devices' health to the next."""
 
+START_TIME, PATIENT_START = 20.0, 120.0
+"""Seconds that the writer has to begin: half of one will do, but machines are busy; in simulated time nothing waits."""
+
 FAREWELL, PATIENT_FAREWELL = 5.0, 120.0
 """Seconds that the writer has in the end; in simulated time, where it may be far behind and nothing waits."""
 
@@ -75,7 +78,8 @@ class Recorder:
     ) -> None:
         self.path = path
         self._patient = patient
-        self._outlet = Outlet(path, limit=limit, overwrite=overwrite)
+        start_time = PATIENT_START if patient else START_TIME
+        self._outlet = Outlet(path, limit=limit, overwrite=overwrite, start_time=start_time)
         budget, overtaken = FrameBudget(limit / 2, frames), partial(self._miss, "/camera", BEHIND)
         self._pictures = Pictures(self._keep_picture, budget, patient=patient, missed=overtaken)
         self._waiting: deque[object] = deque()

@@ -9,12 +9,12 @@ from behaviours.leaf import RUNNING, SUCCESS, Leaf, argument
 from drivers.api import HeadPose, Velocity
 from drivers.errors import DeviceFault, NotConnected
 
-LEFT, STOPS_NOT = "leaves", "never stops"
+LEFT, STOPS_NOT, RAISES_LAST = "leaves", "never stops", "raises at end"
 
 WAYS = (
     "raises",
     "raises at start",
-    "raises at end",
+    RAISES_LAST,
     "lies",
     "never halts",
     STOPS_NOT,
@@ -92,7 +92,7 @@ class Rogue(Leaf):
 
     def terminate(self, new_status: Status) -> None:
         """Stop what moves, or leave the base to itself, or raise before that."""
-        if self.way == "raises at end":
+        if self.way == RAISES_LAST:
             raise _error("raises")
         left = self.way == LEFT and (new_status is SUCCESS or "base" in self.drives)  # whose velocity expires
         if not left and self.way != STOPS_NOT:

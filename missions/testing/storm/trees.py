@@ -12,6 +12,8 @@ from missions.testing.storm.leaves import (
     CARELESS,
     GOALS,
     LEFT,
+    RAISES_LAST,
+    STOPS_NOT,
     WAYS,
     CarelessArm,
     CarelessHead,
@@ -25,9 +27,12 @@ OFTEN = 0.7
 CONTESTS = 0.15
 """The share of missions in which a behaviour comes late, and takes what another one is moving."""
 
-CUT, LAST = 0.1, 0.06
+CUT, LAST = 0.16, 0.06
 """The share of missions in which something that moves is cut short, and nothing follows for a while; and of those that
 end while something moves."""
+
+NEVER = 99
+"""Ticks that no behaviour has which is cut short."""
 
 ROGUES = 0.25
 """The share of leaves that misbehave, beside those that are drawn with the others."""
@@ -186,8 +191,13 @@ class Trees:
 
     def _cut(self) -> dict[str, Any]:
         chance = self._chance
-        endless = {"way": "never stops", "goal": "fast", "after": 1}
-        leaves = [{word: endless | self._named(word)} for word in self._words if word in ("rogue_head", "rogue_arm")]
+        ways = {"rogue": chance.choice([STOPS_NOT, RAISES_LAST]), "careless": "faults"}
+        leaves = [
+            {word: {"way": way, "goal": "fast", "after": NEVER, **self._named(word)}}
+            for kind, way in ways.items()
+            for word in (f"{kind}_head", f"{kind}_arm")
+            if word in self._words
+        ]
         if "look" in self._words:
             leaves += [{"look": {"pan": chance.choice(["-75 deg", "75 deg"]), **self._named("look")}}]
         if "mirror" in self._words:

@@ -145,6 +145,16 @@ def _written(path: Path) -> Path:
     return path
 
 
+def test_in_simulated_time_a_writer_that_begins_late_on_a_busy_machine_is_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("missions.records.recording.recorder.START_TIME", 0.0)
+    with pytest.raises(CannotRecordError, match="did not begin within 0 s"):
+        Recorder(tmp_path / "real.mcap").open(Contents(HEAD, FILES), ManualClock())
+    with Recorder(tmp_path / "simulated.mcap", patient=True) as recorder:
+        recorder.open(Contents(HEAD, FILES), ManualClock())
+
+
 def test_a_file_is_overwritten_only_if_that_is_asked_for(tmp_path: Path) -> None:
     path = _written(tmp_path / "a.mcap")
     with recording(path, overwrite=True) as (recorder, _):
