@@ -10,7 +10,7 @@ DEMO := click colorama dynamixel-sdk markdown-it-py mdurl numpy opencv-python-he
 OTHERS := tests/other_programs
 OTHERS_STAMP := $(VENV)/other_programs_installed
 
-.PHONY: help setup demo test compiled fuzz payloads storm planted kills golden soak claims check bench docs fleet constraints clean
+.PHONY: help setup demo test tested compiled fuzz payloads storm planted kills golden soak claims check bench docs fleet constraints clean
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -49,13 +49,17 @@ demo: $(DEMO_STAMP) ## a simulated TurtleBot looks for a face, tracks it and gre
 	$(BIN)/mission run greet
 
 # Tests start hundreds of processes: where the environment forbids to keep what Python compiles, each would do it anew.
-# Many wait for real time, so there is work for two more than there are cores.
-test: $(OTHERS_STAMP) ## what CI runs: the checks, then every test
-	$(MAKE) --jobs 2 check compiled
+# Many wait for real time, so there is work for two more than there are cores, and for the checks beside them.
+test: $(OTHERS_STAMP) ## what CI runs: the checks, and every test
+	@nice -n 19 $(MAKE) check > $(VENV)/checked.txt 2>&1 & checks=$$!; \
+	$(MAKE) tested; tests=$$?; \
+	wait $$checks; checks=$$?; cat $(VENV)/checked.txt; test $$tests = 0 && test $$checks = 0
+
+tested: compiled
 	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses $$(( $$(nproc) + 2 )) --dist worksteal \
 		--durations 10 --durations-min 1
 
-# All tests are compiled once, beside the checks: else each process that runs tests does it, all at the same time.
+# All tests are compiled once: else each process that runs tests does it, all at the same time.
 compiled: $(OTHERS_STAMP)
 	PYTHONDONTWRITEBYTECODE= $(BIN)/pytest --collect-only -qq > $(VENV)/collected.txt || (cat $(VENV)/collected.txt; exit 1)
 

@@ -43,12 +43,13 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Give tests that are marked ``real_time`` two more tries.
+    """Begin with those that are marked ``long``, and give those that are marked ``real_time`` two more tries.
 
     A shared machine now and then stops for longer than a servo waits for its reply. A test that fails for a reason of
     its own fails three times; with `-p no:rerunfailures` each is tried once. A test is marked if something in it has a
     deadline of its own, such as a servo's reply. One that only waits for a thread or a program is not.
     """
+    items.sort(key=lambda item: item.get_closest_marker("long") is None)
     for item in items if config.pluginmanager.hasplugin("rerunfailures") else ():
         if item.get_closest_marker("real_time"):
             item.add_marker(pytest.mark.flaky(reruns=2, reruns_delay=1))

@@ -151,7 +151,10 @@ def test_a_mistake_gives_2_and_still_a_summary_for_programs(mission: Mission) ->
     assert events_of(outcome.out.splitlines())[0]["result"] == "error"
 
 
-def test_a_robot_that_is_not_there_gives_3_and_says_what_to_try(mission: Mission) -> None:
+def test_a_robot_that_is_not_there_gives_3_and_says_what_to_try(
+    mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("missions.assembly.assembled.CONNECT_TIME", 0.5)
     Path("far.yaml").write_text("robot: far\nbase: {driver: kobuki, port: /dev/no_such_base}\n")
     write("go.yaml", "  drive: 1 m\n")
     outcome = mission("run", "go.yaml", "--robot", "far.yaml", "--json")

@@ -23,7 +23,7 @@ from tests.missions.lone_base import LoneBase, lone_base
 from tests.tries import tries
 from tests.waiting import wait_until
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.long]
 
 MOTIONS = {
     "straight": "drive: {distance: 100 m, speed: 0.5 m/s}",

@@ -6,7 +6,7 @@ import pytest
 
 from tests.missions.killing import WITHIN, campaign
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.long]
 
 KINDS = ("move", "mirror", "head sweep", "feetech sweep")
 """What is tried here; ``python -m tests.benchmarks.killing`` tries everything that moves limbs, 200 times."""

@@ -29,7 +29,7 @@ from tests.missions.studio.serving import Client, Served, studio
 from tests.tries import tries
 from tests.waiting import wait_until
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.long]
 
 WITHIN = 0.7
 """Seconds from the last that a base hears to its rest."""

@@ -16,6 +16,8 @@ from drivers.clock import SystemClock
 from drivers.virtual.terminal import Terminal
 from tests.drivers.desks import RecordedMachine
 
+pytestmark = pytest.mark.long
+
 SAMPLE = Path(__file__).parents[2] / "sample_distribution"
 PAGE = Path(__file__).parents[3] / "docs" / "drivers.md"
 BROKEN = """
@@ -115,7 +117,7 @@ def test_it_runs_in_simulated_time(site: Path, arguments: tuple[str, ...]) -> No
 @pytest.mark.parametrize("name", ["square_3m", "greet"])
 @pytest.mark.timeout(300)
 def test_it_runs_down_to_the_wire(site: Path, name: str) -> None:
-    here = ("--world", "square_arena", "--param", "side=50 cm") if name == "square_3m" else ()
+    here = ("--world", "square_arena", "--param", "side=20 cm") if name == "square_3m" else ()
     ran = mission(site, "run", name, "--robot", "sample.yaml", "--simulate", "wire", *here, "--json")
     assert ran.returncode == 0, ran.stderr
     assert json.loads(ran.stdout.splitlines()[-1])["result"] == "success"

@@ -10,7 +10,7 @@ from missions.service.fleet.words import Address, Keep
 from tests.missions.service.fleet_campaign import campaign
 from tests.waiting import wait_until
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.long]
 
 ROBOTS, TASKS, KILLS, CUTS, STOPS = 4, 24, 6, 4, 2
 

@@ -18,7 +18,7 @@ from tests.missions.service.journal_server import CHANNELS
 from tests.tries import tries
 from tests.waiting import wait_until
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.long]
 
 KILLS = tries(8)
 TASKS = 40 * KILLS

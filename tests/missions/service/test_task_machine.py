@@ -10,6 +10,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any, NoReturn
 
+import pytest
 from hypothesis import Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, precondition, rule
@@ -17,6 +18,8 @@ from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invar
 from missions.service.schema import open_db, prepare
 from missions.service.task import Claim, How, NewTask, Outcome, Policy, State, TaskError
 from tests.missions.service.small_queue import BERLIN, CHANNELS, START, Shop, new
+
+pytestmark = pytest.mark.long
 
 
 class CrashError(BaseException):

@@ -142,8 +142,9 @@ def test_a_pad_that_could_drive_nothing_is_refused(
 
 
 def test_a_pad_that_was_asked_for_and_is_not_there_is_a_part_that_is_missing(
-    capsys: pytest.CaptureFixture[str],
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("missions.assembly.assembled.CONNECT_TIME", 0.5)
     outcome = command(capsys, "run", "motions/forward", "--pad", "/dev/input/event999")
     assert outcome.code == 3
     assert "pad: /dev/input/event999: no such device" in outcome.err

@@ -227,7 +227,7 @@ def test_a_full_disk_costs_records_which_is_told_and_no_moment_waits(
             recorder.frame(next(frames))
             return bool(told)
 
-        wait_until(go_on)
+        wait_until(go_on, pause=0.005)
         assert (told[0].device, told[0].kind) == ("record", "fault")
         assert "File too large" in told[0].what
         resource.prlimit(writer_of(recorder), resource.RLIMIT_FSIZE, (soft, hard))
@@ -237,7 +237,7 @@ def test_a_full_disk_costs_records_which_is_told_and_no_moment_waits(
             go_on()
             return path.stat().st_size > written + 10_000
 
-        wait_until(grows)
+        wait_until(grows, pause=0.005)
         loss = recorder.close()
     assert loss.counts["/camera"] > 0
     assert "File too large" in str(loss)
@@ -306,7 +306,7 @@ def test_when_the_writer_is_killed_the_run_goes_on_and_is_told(tmp_path: Path) -
             recorder.moment(moment(count, count / 100))
             return bool(told)
 
-        wait_until(go_on)
+        wait_until(go_on, pause=0.005)
         loss = recorder.close()
     assert "killed by signal 9: nothing more is recorded" in told[0].what
     assert "mission record info" in told[0].hint
@@ -369,7 +369,7 @@ def test_at_its_limit_the_record_is_closed_and_that_is_told(tmp_path: Path) -> N
             recorder.moment(moment(count, count / 100))
             return bool(told)
 
-        wait_until(go_on)
+        wait_until(go_on, pause=0.005)
         loss = recorder.close()
     assert "limit" in told[0].what
     assert loss.ended is not None
