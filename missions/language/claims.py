@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import Leaf
-from config.faults import did_you_mean
+from config.faults import did_you_mean, one_of
 from config.units import article
+from drivers.api.kinds import KINDS
 from missions.language.nodes import AT_ONCE
 from missions.language.notes import Notes
 from missions.language.plan import Step
@@ -70,12 +71,18 @@ def check_needs(notes: Notes, tree: Step, robot: Target) -> None:
         for part in sorted((step.own_needs - robot.parts).difference(named)):
             has = ", ".join(sorted(robot.parts)) or "nothing"
             notes.fault_at(step, f"'{step.kind}' needs {article(part)}; robot '{robot.name}' has none (it has {has})")
+        for part in sorted(_driven(step) - robot.parts - robot.others.keys() - KINDS.keys() - named.keys()):
+            notes.fault_at(step, f"'{step.kind}' drives '{part}', which is no part of a robot", one_of(part, KINDS))
         for name, kind in named.items():
             known = [*({kind} & robot.parts), *(other for other, its in robot.others.items() if its == kind)]
             if name not in known:
                 has = f"its {kind}s are {', '.join(sorted(known))}" if known else f"it has no {kind}"
                 told = f"'{step.kind}' needs {article(name)}; robot '{robot.name}' has none ({has})"
                 notes.fault_at(step, told, did_you_mean(name, known))
+
+
+def _driven(step: Step) -> frozenset[str]:
+    return frozenset() if step.leaf is None else step.leaf.drives
 
 
 def check_reach(notes: Notes, tree: Step, robot: Target) -> None:

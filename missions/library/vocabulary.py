@@ -51,6 +51,10 @@ KINDS = frozenset({*UNITS, *WRITTEN, "name", "gesture", "move", "gait", "control
 """The kinds of arguments."""
 
 
+SENSES = frozenset({"faces", "names", "things", "markers", "motion"})
+"""What a leaf may look for with the camera."""
+
+
 @dataclass(frozen=True, slots=True)
 class Offer:
     """The classes that one file or entry point offers, and the source in which to show what is wrong with them."""
@@ -122,6 +126,10 @@ def _examine(leaf: type[Leaf], leaves: Mapping[str, type[Leaf]]) -> None:
     for argument in leaf.arguments.values():
         if argument.kind not in KINDS:
             raise TypeError(f"{leaf.__name__}: '{argument.name}' is of no kind: {one_of(argument.kind, KINDS)}")
+        if argument.kind in UNITS and isinstance(argument.default, str):
+            raise TypeError(f"{leaf.__name__}: the default of '{argument.name}' must be a number, in SI units")
+    for sense in sorted(leaf.senses - SENSES):
+        raise TypeError(f"{leaf.__name__}: nothing senses '{sense}': {one_of(sense, SENSES)}")
     try:
         inspect.signature(leaf).bind("name")
     except TypeError as error:

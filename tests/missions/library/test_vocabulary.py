@@ -14,7 +14,9 @@ import missions
 from behaviours.foreign import leaf_of, word_of
 from behaviours.leaf import REQUIRED
 from config.faults import InvalidFileError
+from missions.language.claims import Target
 from missions.library import vocabulary as module
+from missions.library.shipped import load_mission
 from missions.library.vocabulary import vocabulary
 from tests.missions.command import command
 
@@ -179,6 +181,11 @@ def test_what_a_mission_cannot_give_is_refused() -> None:
         (BLINK.replace('"blink"', '"Blink it"'), "Blink: the word 'Blink it' must be small letters"),
         (BLINK.replace('"count"', '"cuont"'), "Blink: 'times' is of no kind: did you mean 'count'?"),
         (
+            BLINK + '    far: float = argument("length", "x", default="1 m")\n',
+            "wrong.py:7:7: Blink: the default of 'far' must be a number, in SI units",
+        ),
+        (BLINK + '    senses = frozenset({"face"})\n', "Blink: nothing senses 'face': did you mean 'faces'?"),
+        (
             BLINK + '    more: int = argument("count", "x", principal=True)\n',
             "wrong.py:7:7: Blink: only one argument can be the principal one, not times and more",
         ),
@@ -193,6 +200,15 @@ def test_what_a_mission_cannot_give_is_refused() -> None:
 )
 def test_what_is_wrong_with_a_file_is_told_at_its_line(text: str, message: str) -> None:
     assert message in wrong(text)
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_leaf_that_drives_what_is_no_part_of_a_robot_is_refused() -> None:
+    Path("blink.py").write_text(BLINK + '    drives = frozenset({"haed"})\n')
+    Path("m.yaml").write_text("mission: m\ntree:\n  blink\n")
+    with pytest.raises(InvalidFileError, match="'blink' drives 'haed', which is no part of a robot") as caught:
+        load_mission("m.yaml", leaves=vocabulary([Path("blink.py")]), robot=Target("r2", frozenset({"head"})))
+    assert caught.value.faults[0].suggestion == "did you mean 'head'?"
 
 
 @pytest.mark.usefixtures("folder")
