@@ -264,6 +264,15 @@ def test_a_mission_takes_the_leaf_of_the_docs_from_its_file(folder: Path, capsys
     assert outcome.code == 0, outcome.err
 
 
+def test_the_program_of_the_docs_runs_the_mission_of_the_docs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = {kind: next(b for b in blocks(kind) if b.page.name == "leaves.md") for kind in ("python", "yaml", "py")}
+    (folder / "bow.py").write_text(page["python"].text, encoding="utf-8")
+    (folder / "greet_them.yaml").write_text(page["yaml"].text, encoding="utf-8")
+    exec(page["py"].text, {})  # noqa: S102 - the docs are ours
+    told = capsys.readouterr().out.splitlines()
+    assert (told[0], told[-1].strip()) == ("Status.RUNNING", "success")
+
+
 def test_the_test_that_the_docs_show_passes() -> None:
     names = namespace(ROOT / "docs" / "leaves.md")
     tests = [each for name, each in names.items() if name.startswith("test_")]
