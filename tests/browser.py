@@ -26,6 +26,8 @@ FLAGS = (
     "--no-first-run",
     "--disable-background-networking",
     "--disable-dev-shm-usage",
+    # No process is kept ready for a further site, and nothing is left of a page that one has gone from.
+    "--disable-features=SpareRendererForSitePerProcess,BackForwardCache",
     # Not even a name is looked up: what a page asks of another host fails, and is seen to have been asked.
     # A server of the test itself may be asked by its number.
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
@@ -57,7 +59,7 @@ class Browser:
 
     def __init__(self, path: str, *more: str) -> None:
         self._path, self._more = path, more
-        self._target = ""
+        self._target = self._session = ""
         self._profile = TemporaryDirectory(prefix="browser-", ignore_cleanup_errors=True)
 
     def __enter__(self) -> Self:
@@ -99,14 +101,18 @@ class Browser:
     ) -> "Tab":
         """Open a page in place of the last one, ``size`` pixels wide and high, and wait until it has loaded.
 
-        ``page`` is a file, or an address on 127.0.0.1.
+        ``page`` is a file, or an address on 127.0.0.1. The tab stays, for a process of its own costs more than most
+        tests do; whatever was set in it goes.
         """
         if self._target:
-            self._pipe.ask("Target.closeTarget", None, targetId=self._target)
+            Tab(self._pipe, self._session).go("about:blank")
+            self._pipe.ask("Target.detachFromTarget", None, sessionId=self._session)
             self._pipe.unasked.clear()
-        self._target = self._pipe.ask("Target.createTarget", None, url="about:blank")["targetId"]
-        session = self._pipe.ask("Target.attachToTarget", None, targetId=self._target, flatten=True)["sessionId"]
-        tab = Tab(self._pipe, session)
+        else:
+            self._target = self._pipe.ask("Target.createTarget", None, url="about:blank")["targetId"]
+        attached = self._pipe.ask("Target.attachToTarget", None, targetId=self._target, flatten=True)
+        self._session = attached["sessionId"]
+        tab = Tab(self._pipe, self._session)
         for domain in ("Page", "Network", "Runtime", "Log", "DOM"):
             tab.ask(f"{domain}.enable")
         width, height = size
@@ -115,9 +121,14 @@ class Browser:
         tab.ask("Emulation.setEmulatedMedia", features=[scheme])
         tab.ask("Emulation.setScriptExecutionDisabled", value=not script)
         tab.ask("Page.setLifecycleEventsEnabled", enabled=True)
-        loader = tab.ask("Page.navigate", url=page.resolve().as_uri() if isinstance(page, Path) else page)["loaderId"]
-        self._pipe.wait_for("Page.lifecycleEvent", loaderId=loader, name="load")
+        tab.go(page.resolve().as_uri() if isinstance(page, Path) else page)
         return tab
+
+    def close_tab(self) -> None:
+        """Close the tab as a person does; the next page is opened in a new one."""
+        self._pipe.ask("Target.closeTarget", None, targetId=self._target)
+        self._pipe.unasked.clear()
+        self._target = ""
 
 
 class Tab:
@@ -129,6 +140,11 @@ class Tab:
     def ask(self, method: str, **params: object) -> dict[str, Any]:
         """Ask the browser something about this page, in the words of its protocol."""
         return self._pipe.ask(method, self._session, **params)
+
+    def go(self, address: str) -> None:
+        """Go to a page, and wait until it has loaded."""
+        loader = self.ask("Page.navigate", url=address)["loaderId"]
+        self._pipe.wait_for("Page.lifecycleEvent", loaderId=loader, name="load")
 
     @property
     def requests(self) -> list[str]:

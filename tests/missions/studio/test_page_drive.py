@@ -102,7 +102,7 @@ def test_the_base_rests_when_the_tab_is_closed(
     page.mouse("mousePressed", x, y)
     page.mouse("mouseMoved", x, y - 60)
     wait_until(moving(base))
-    browser.open("about:blank")
+    browser.close_tab()
     assert seconds_to_rest(base, base.seen().heard_at) < REST
 
 
