@@ -23,13 +23,13 @@ Loses = Callable[[int, bool], bool]
 
 
 class Lossy:
-    """Passes on what comes to ``port`` to a ``target`` on this computer. ``upwards`` segments are on their way up."""
+    """Passes on what comes to ``port`` to a ``target`` on this computer. ``upwards`` segments are on their way up;
+    ``sockets`` websockets have been opened."""
 
     def __init__(self, target: int, delay: float, loses: Loses) -> None:
-        self.port = self.upwards = 0
+        self.port = self.upwards = self.sockets = 0
         self.loses = loses
         self._target, self._delay = target, delay
-        self._sockets = 0
 
     async def serve(self) -> asyncio.Server:
         """Begin."""
@@ -42,7 +42,7 @@ class Lossy:
         first = await reader.read(SEGMENT)
         number = 0
         if first.startswith(b"GET /ws"):
-            number = self._sockets = self._sockets + 1
+            number = self.sockets = self.sockets + 1
         ways = (self._pass(number, True, first, reader, back), self._pass(number, False, b"", there, writer))
         try:
             with suppress(asyncio.CancelledError):

@@ -7,6 +7,7 @@ import signal
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from http.client import HTTPConnection
+from pathlib import Path
 from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
@@ -23,6 +24,7 @@ class Served:
 
     def __init__(self, process: Process) -> None:
         self.process = process
+        self.state, self.runtime = Path(os.environ["XDG_STATE_HOME"]), os.environ["XDG_RUNTIME_DIR"]
         line = process.wait_for_line(lambda line: line.startswith("to look"), seconds=PATIENCE)
         self.viewer = line.rpartition("token=")[2]
         self.operator = process.lines[0].rpartition("token=")[2]
@@ -55,7 +57,7 @@ class Served:
     def client(self, token: str, *, hello: bool = True) -> Iterator["Client"]:
         headers = {"Authorization": f"Bearer {token}"}
         address = f"ws://{self.host}/ws"
-        with connect(address, additional_headers=headers, max_size=None, compression=None) as socket:
+        with connect(address, additional_headers=headers, max_size=None, compression=None, close_timeout=0.5) as socket:
             client = Client(socket)
             if hello:
                 client.send(do="hello", version="1")
@@ -79,6 +81,10 @@ class Client:
         number = self.number
         self.send(do=do, id=number, **members)
         return self.hear(lambda told: told["say"] == "answer" and told.get("id") == number)
+
+    def hear_of(self, run: str) -> None:
+        """Wait until this run is among those that there are."""
+        self.hear(lambda told: told["say"] == "runs" and any(each["run"] == run for each in told["runs"]))
 
     def hear(self, wanted: Callable[[Mapping[str, Any]], object]) -> Mapping[str, Any]:
         while True:

@@ -15,7 +15,7 @@ from missions.testing.stage import IN_PROCESS
 from tests.browser import Browser
 from tests.missions.command import Process, command
 from tests.missions.studio.page import Page
-from tests.missions.studio.serving import studio
+from tests.missions.studio.serving import Served
 from tests.waiting import wait_until
 
 SAYS = "mission: says\ntree:\n  sequence:\n    - say: Hello\n    - wait: 4 s\n"
@@ -70,24 +70,22 @@ def test_nothing_is_offered_on_virtual_devices(tmp_path: Path) -> None:
     assert Faults(runner_of(tmp_path, [], "wire")).told() == {"examples": []}
 
 
-@pytest.mark.real_time
-def test_a_fault_is_chosen_on_the_page_and_happens(browser: Browser, tmp_path: Path) -> None:
+def test_a_fault_is_chosen_on_the_page_and_happens(browser: Browser, served: Served, tmp_path: Path) -> None:
     path, events = tmp_path / "says.yaml", tmp_path / "events.jsonl"
     path.write_text(SAYS.replace("4 s", "1000 s"), encoding="utf-8")
     process = Process("run", str(path), "--simulate", "fast", "--speed", "1", "--events", str(events))
     try:
         wait_until(lambda: sockets.path_of(str(process.process.pid)).exists() and '"tick"' in events.read_text())
-        with studio() as served:
-            page = Page(browser, served, view="#robot")
-            page.wait_for("says", "What goes wrong")
-            choose = "const what = document.querySelector('.faults select'); what.value = 'voice unplugged';"
-            page.tab.evaluate(f"{choose} what.dispatchEvent(new Event('change'))")
-            page.press("Let it happen")
-            page.wait_for("It happens: voice unplugged 2 s")
-            wait_until(lambda: events.read_text().count('"online"') == 2)
-            viewer = Page(browser, served, served.viewer, view="#robot")
-            viewer.wait_for("What goes wrong")
-            assert not viewer.enabled("Let it happen")
+        page = Page(browser, served, view="#robot")
+        page.wait_for("says", "What goes wrong")
+        choose = "const what = document.querySelector('.faults select'); what.value = 'voice unplugged';"
+        page.tab.evaluate(f"{choose} what.dispatchEvent(new Event('change'))")
+        page.press("Let it happen")
+        page.wait_for("It happens: voice unplugged 2 s")
+        wait_until(lambda: events.read_text().count('"online"') == 2)
+        viewer = Page(browser, served, served.viewer, view="#robot")
+        viewer.wait_for("What goes wrong")
+        assert not viewer.enabled("Let it happen")
     finally:
         process.end(signal.SIGTERM)
 
@@ -98,7 +96,6 @@ def test_a_run_on_virtual_devices_says_that_it_is_unsupported(tmp_path: Path) ->
     assert caught.value.hint == "mission run says --simulate fast --speed 1"
 
 
-@pytest.mark.real_time
 def test_the_command_reaches_a_run_of_another_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, events = tmp_path / "says.yaml", tmp_path / "events.jsonl"
     path.write_text(SAYS.replace("4 s", "1000 s"), encoding="utf-8")

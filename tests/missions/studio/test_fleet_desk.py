@@ -18,6 +18,8 @@ from missions.studio.form import BadMessage
 from missions.studio.wishes import Fleet, ReleaseFleet, StopFleet
 from tests.missions.service.fleets import CountingBody, free_port, local_fleet, member, router
 
+PATIENCE = 60.0
+
 FILE = "fleet: trial\nmode: client\nconnect: ['tcp/127.0.0.1:{port}']\nrobots: [anna, carl]\n"
 
 
@@ -30,7 +32,6 @@ def write(port: int) -> None:
     (config_folder() / "fleet.yaml").write_text(FILE.format(port=port), encoding="utf-8")
 
 
-@pytest.mark.real_time
 def test_a_studio_joins_no_fleet_unasked() -> None:
     with pytest.raises(BadMessage, match=r"there is no fleet\.yaml") as refused:
         asked(FleetDesk(), StopFleet())
@@ -66,7 +67,6 @@ def test_robots_are_listed_stopped_and_released(tmp_path: Path) -> None:
             desk.close()
 
 
-@pytest.mark.real_time
 def test_a_stop_does_not_wait_for_who_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     looks, met, in_time = Event(), Event(), list[bool]()
 
@@ -75,7 +75,7 @@ def test_a_stop_does_not_wait_for_who_looks(monkeypatch: pytest.MonkeyPatch) -> 
 
         def meet(self) -> None:
             looks.set()
-            in_time.append(met.wait(5.0))
+            in_time.append(met.wait(PATIENCE))
 
         def members(self) -> Mapping[Any, Any]:
             return {}
@@ -92,7 +92,7 @@ def test_a_stop_does_not_wait_for_who_looks(monkeypatch: pytest.MonkeyPatch) -> 
     look = Thread(target=asked, args=(desk, Fleet()))
     look.start()
     try:
-        assert looks.wait(10.0)
+        assert looks.wait(PATIENCE)
         assert asked(desk, StopFleet())["silent"] == ["viewer 1"]
     finally:
         met.set()
@@ -118,7 +118,6 @@ class Hurried:
         return {}, [f"{self.name} for {by}"]
 
 
-@pytest.mark.real_time
 def test_who_stops_a_fleet_waits_for_nobody_who_opens_a_session_and_one_of_both_is_closed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -128,7 +127,7 @@ def test_who_stops_a_fleet_waits_for_nobody_who_opens_a_session_and_one_of_both_
         made.append(found := Hurried("slow" if not made else "quick"))
         if found.name == "slow":
             opens.set()
-            assert may_open.wait(10.0)
+            assert may_open.wait(PATIENCE)
         return found
 
     write(1)
@@ -137,7 +136,7 @@ def test_who_stops_a_fleet_waits_for_nobody_who_opens_a_session_and_one_of_both_
     first = Thread(target=lambda: slow.append(asked(desk, StopFleet())))
     first.start()
     try:
-        assert opens.wait(10.0)
+        assert opens.wait(PATIENCE)
         assert asked(desk, StopFleet())["silent"] == ["quick for viewer 1"]
     finally:
         may_open.set()
@@ -148,7 +147,6 @@ def test_who_stops_a_fleet_waits_for_nobody_who_opens_a_session_and_one_of_both_
     assert made[1].left
 
 
-@pytest.mark.real_time
 def test_a_session_that_was_opened_while_the_studio_ended_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     desk, made = FleetDesk(), list[Hurried]()
 

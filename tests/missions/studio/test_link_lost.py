@@ -3,6 +3,7 @@
 import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
+from itertools import count
 from pathlib import Path
 from threading import Event, Thread
 
@@ -10,6 +11,7 @@ import pytest
 from websockets.sync.client import connect
 
 from drivers.clock import SystemClock
+from tests.missions.lone_base import LoneBase
 from tests.missions.studio.running import REST, run_of, seconds_to_rest
 from tests.missions.studio.serving import Client, Served, studio
 from tests.waiting import wait_until
@@ -65,7 +67,7 @@ def test_the_base_rests_when_the_links_are_made_anew(tmp_path: Path) -> None:
     with run_of(tmp_path) as (process, base), studio() as served, ExitStack() as clients:
         other, client = (clients.enter_context(served.client(served.operator)) for _ in range(2))
         clock, run = SystemClock(), str(process.process.pid)
-        client.hear(lambda told: told["say"] == "runs" and told["runs"])
+        client.hear_of(run)
         assert client.ask("take", run=run)["result"]["yours"]
         number = 0
 
@@ -81,35 +83,34 @@ def test_the_base_rests_when_the_links_are_made_anew(tmp_path: Path) -> None:
         assert seconds_to_rest(base, since) < REST
 
 
-@pytest.mark.parametrize("gone", [False, True], ids=["a proxy that stalls", "a half-open socket"])
-def test_the_base_rests_when_nothing_of_its_driver_comes_through(tmp_path: Path, gone: bool) -> None:
-    with run_of(tmp_path) as (process, base), studio() as served, ExitStack() as ends:
-        proxy = ends.enter_context(closing(Proxy(served.port)))
-        client, clock, run = ends.enter_context(driver(served, proxy)), SystemClock(), str(process.process.pid)
-        client.hear(lambda told: told["say"] == "runs" and told["runs"])
-        assert client.ask("take", run=run)["result"]["yours"]
-        number = 0
+def test_the_base_rests_when_nothing_of_its_driver_comes_through(served: Served, tmp_path: Path) -> None:
+    with run_of(tmp_path) as (process, base):
+        for way in ("a proxy that stalls", "a half-open socket"):
+            with closing(Proxy(served.port)) as proxy, driver(served, proxy) as client:
+                held_up(way, client, proxy, str(process.process.pid), base)
 
-        def push() -> None:
-            nonlocal number
-            number += 1
-            client.send(do="drive", run=run, n=number, t=clock.now(), ahead=1.0, left=0.0, pace=1.0)
 
-        def pushed_on() -> bool:
-            push()
-            return base.seen().moving
+def held_up(way: str, client: Client, proxy: Proxy, run: str, base: LoneBase) -> None:
+    """Drive, and have all that comes and goes held up on its way."""
+    clock, numbers = SystemClock(), count(1)
+    client.hear_of(run)
+    wait_until(lambda: client.ask("take", run=run)["result"]["yours"])  # once who drove before is known to have gone
 
-        wait_until(pushed_on, pause=0.02)
-        proxy.flows.clear()
-        since = base.seen().heard_at
-        if gone:
-            proxy.driver.shutdown(socket.SHUT_RDWR)  # of which the studio hears nothing
-        else:
-            wait_until(lambda: not pushed_on())  # it goes on to push all the while
-        rest = seconds_to_rest(base, since)
-        assert rest < REST
-        wait_until(lambda: base.seen().heard_at > since + rest + REST)  # by then all that is held up is too old
-        base.seen(forget=True)
-        proxy.flows.set()
-        wait_until(lambda: base.seen().heard_at > since + rest + 2 * REST)
-        assert base.seen().top == 0.0
+    def pushed_on() -> bool:
+        client.send(do="drive", run=run, n=next(numbers), t=clock.now(), ahead=1.0, left=0.0, pace=1.0)
+        return base.seen().moving
+
+    wait_until(pushed_on, pause=0.02)
+    proxy.flows.clear()
+    since = base.seen().heard_at
+    if way == "a half-open socket":
+        proxy.driver.shutdown(socket.SHUT_RDWR)  # of which the studio hears nothing
+    else:
+        wait_until(lambda: not pushed_on())  # it goes on to push all the while
+    rest = seconds_to_rest(base, since)
+    assert rest < REST, way
+    wait_until(lambda: base.seen().heard_at > since + rest + REST)  # by then all that is held up is too old
+    base.seen(forget=True)
+    proxy.flows.set()
+    wait_until(lambda: base.seen().heard_at > since + rest + 2 * REST)
+    assert base.seen().top == 0.0, way

@@ -1,7 +1,6 @@
 """A first visit to the studio, as a person makes it: by the link, a mission from its form, and its record."""
 
 import json
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -20,12 +19,6 @@ from tests.missions.studio.page import DESKTOP, PHONE, VIEWS, Page
 from tests.missions.studio.serving import Served, studio
 from tests.missions.views.pictures.drawn import HOSTILE
 from tests.waiting import wait_until
-
-
-@pytest.fixture(scope="module")
-def served() -> Iterator[Served]:
-    with studio() as found:
-        yield found
 
 
 @pytest.mark.real_time
@@ -183,15 +176,14 @@ def test_what_the_doctor_found_last_stands_beside_the_missions(browser: Browser)
         page.wait_for("<img src=x", "Try: charge the battery")
 
 
-def test_who_is_to_be_known_needs_a_name_and_a_run_with_a_camera(browser: Browser) -> None:
-    with studio() as served:
-        page = Page(browser, served, view="#run")
-        page.press("Add with the robot's camera")
-        page.wait_for("What are they called?")
-        page.tab.find("textbox", "Name").focus()
-        page.tab.type("Ana")
-        page.press("Add with the robot's camera")
-        page.wait_for("Nothing runs: a camera is seen by way of a run")
+def test_who_is_to_be_known_needs_a_name_and_a_run_with_a_camera(browser: Browser, served: Served) -> None:
+    page = Page(browser, served, view="#run")
+    page.press("Add with the robot's camera")
+    page.wait_for("What are they called?")
+    page.tab.find("textbox", "Name").focus()
+    page.tab.type("Ana")
+    page.press("Add with the robot's camera")
+    page.wait_for("Nothing runs: a camera is seen by way of a run")
 
 
 def test_what_must_be_confirmed_for_a_robot_is_asked_for(browser: Browser, served: Served) -> None:
@@ -205,21 +197,20 @@ def test_what_must_be_confirmed_for_a_robot_is_asked_for(browser: Browser, serve
     page.wait_for("Confirm first that there is room around the robot.")
 
 
-@pytest.mark.parametrize("size", [PHONE, DESKTOP])
-def test_each_view_has_stop_in_sight_and_nothing_too_wide(
-    browser: Browser, served: Served, size: tuple[int, int]
-) -> None:
-    page = Page(browser, served, size=size)
-    for view in VIEWS:
-        page.go(view)
-        left, top, right, bottom = page.stop.box
-        assert min(left, top) >= 0, view
-        assert right <= size[0], view
-        assert bottom <= size[1], view
-        x, y = (left + right) / 2, (top + bottom) / 2
-        assert page.tab.evaluate(f"!!document.elementFromPoint({x}, {y}).closest('.stop')"), view
-        assert page.tab.evaluate("document.documentElement.scrollWidth") <= size[0], view
-        assert page.tab.evaluate("document.querySelectorAll('[aria-current=page]').length") == 1
+def test_each_view_has_stop_in_sight_and_nothing_too_wide(browser: Browser, served: Served) -> None:
+    for size in (PHONE, DESKTOP):
+        page = Page(browser, served, size=size)
+        for view in VIEWS:
+            page.go(view)
+            what = (view, size)
+            left, top, right, bottom = page.stop.box
+            assert min(left, top) >= 0, what
+            assert right <= size[0], what
+            assert bottom <= size[1], what
+            x, y = (left + right) / 2, (top + bottom) / 2
+            assert page.tab.evaluate(f"!!document.elementFromPoint({x}, {y}).closest('.stop')"), what
+            assert page.tab.evaluate("document.documentElement.scrollWidth") <= size[0], what
+            assert page.tab.evaluate("document.querySelectorAll('[aria-current=page]').length") == 1, what
 
 
 def test_a_page_of_another_version_asks_to_be_reloaded_and_can_stop(browser: Browser, served: Served) -> None:

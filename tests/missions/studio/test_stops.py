@@ -22,6 +22,7 @@ from missions.studio.audit import Audit
 from missions.studio.commands import Stop
 from missions.studio.form import BadMessage
 from missions.studio.launch import Launcher
+from missions.studio.link import Link
 from missions.studio.messages import Runs
 from missions.studio.reader import Reader
 from missions.studio.session import Session
@@ -32,8 +33,9 @@ PATIENCE = 60.0
 
 
 @pytest.fixture
-def number() -> Iterator[str]:
-    """The number of a process that may be ended: a run that answers too late is sent SIGTERM."""
+def number(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """The number of a process that stands in for a run, and has all the time that it needs to answer."""
+    monkeypatch.setattr(Link.ask, "__defaults__", (PATIENCE,))
     with Popen(["sleep", "1000"]) as process:
         yield str(process.pid)
         process.kill()
@@ -82,7 +84,6 @@ def studio_of(folder: Path, launcher: Launcher | None = None) -> Studio:
     return Studio(Audit(folder / "log"), launcher or Launcher(record=False), cast("Any", None), Access())
 
 
-@pytest.mark.real_time
 def test_however_many_ask_for_it_a_stop_that_is_on_its_way_is_followed_by_one_more(tmp_path: Path, number: str) -> None:
     async def work() -> None:
         run, studio = StandInRun(number), studio_of(tmp_path)
@@ -121,7 +122,6 @@ class Leaving:
             raise WebSocketDisconnect
 
 
-@pytest.mark.real_time
 @pytest.mark.parametrize("which", ["", "one"])
 def test_a_stop_is_done_and_written_down_although_who_asked_for_it_has_gone_at_once(
     tmp_path: Path, number: str, which: str
@@ -142,7 +142,6 @@ def test_a_stop_is_done_and_written_down_although_who_asked_for_it_has_gone_at_o
     asyncio.run(asyncio.wait_for(work(), 10.0))
 
 
-@pytest.mark.real_time
 def test_another_press_that_shares_the_way_of_a_copy_of_the_first_is_another_stop(tmp_path: Path, number: str) -> None:
     async def work() -> None:
         run, studio = StandInRun(number), studio_of(tmp_path)
@@ -161,7 +160,6 @@ def test_another_press_that_shares_the_way_of_a_copy_of_the_first_is_another_sto
     asyncio.run(asyncio.wait_for(work(), PATIENCE))
 
 
-@pytest.mark.real_time
 def test_a_client_that_reads_nothing_keeps_no_new_run_from_the_others(tmp_path: Path, number: str) -> None:
     async def work() -> None:
         run, studio, deaf = StandInRun(number), studio_of(tmp_path), Deaf()

@@ -21,7 +21,7 @@ from missions.studio.form import BadMessage
 from tests.browser import Browser
 from tests.missions.command import Process
 from tests.missions.studio.page import Page
-from tests.missions.studio.serving import Client, Served, studio
+from tests.missions.studio.serving import Client, Served
 from tests.waiting import wait_until
 
 WAITING = (
@@ -141,13 +141,6 @@ def running(file: Path) -> Iterator[str]:
         process.end()
 
 
-@pytest.fixture(scope="module")
-def served() -> Iterator[Served]:
-    with studio() as found:
-        yield found
-
-
-@pytest.mark.real_time
 def test_what_was_tuned_is_written_into_the_file_and_every_comment_stays(served: Served, file: Path) -> None:
     before = file.read_text(encoding="utf-8")
     with running(file) as run, served.client(served.operator) as client:
@@ -171,7 +164,6 @@ def test_what_was_tuned_is_written_into_the_file_and_every_comment_stays(served:
     assert file.read_text(encoding="utf-8") == wanted.replace("limits: [0 deg, 130 deg]", "limits: [0 deg, 120 deg]")
 
 
-@pytest.mark.real_time
 def test_who_looks_at_the_robot_in_the_page_trims_its_head_and_keeps_that(
     browser: Browser, served: Served, file: Path
 ) -> None:

@@ -1,0 +1,32 @@
+"""A studio that the tests of this folder share which need none of their own."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import pytest
+
+from tests.missions.studio.serving import Served, studio
+
+RUNTIME = "XDG_RUNTIME_DIR"
+"""Where the sockets of runs are: the shared studio sees those of the tests that ask for it, and of no others."""
+
+
+@pytest.fixture(scope="package")
+def served(homes: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """A studio at a home of its own: what it keeps outlives the tests."""
+    del homes
+    with ExitStack() as ends:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv(RUNTIME, str(tmp_path_factory.mktemp("studio")))
+            found = ends.enter_context(studio())
+        yield found
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv(RUNTIME, found.runtime)
+            ends.close()
+
+
+@pytest.fixture(autouse=True)
+def within_sight_of_its_studio(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have the runs of a test where the studio looks that it shares."""
+    if "served" in request.fixturenames:
+        monkeypatch.setenv(RUNTIME, request.getfixturevalue("served").runtime)
