@@ -55,9 +55,9 @@ class Absence:
         if self.latched:
             raise DeviceFault(f"{who}: stopped: {self.latched}", hint=f"look at it, then enable the {who}")
 
-    def latch(self, reason: str) -> None:
-        """Let it rest until it is enabled."""
-        self.latched = self.latched or reason
+    def latch(self, reason: str, *, graver: bool = False) -> None:
+        """Let it rest until it is enabled; a ``graver`` reason is told in place of one that was there."""
+        self.latched = reason if graver else self.latched or reason
 
     def enable(self) -> None:
         """Let it be moved again."""

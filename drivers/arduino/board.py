@@ -232,7 +232,8 @@ class Board:
             self._sent = {}
         elif self._met:
             if life is Life.FORGOTTEN:
-                self._absence.latch("nobody knows whether its board has started anew, and where its servos stand")
+                unknown = "nobody knows whether its board has started anew, and where its servos stand"
+                self._absence.latch(unknown, graver=True)
             return
         else:
             self._sent = left

@@ -775,6 +775,18 @@ def test_a_board_that_started_anew_before_a_late_answer_is_known_by_it() -> None
     assert b.link.device.commands == []
 
 
+def test_who_enables_a_head_is_told_that_nobody_knows_where_it_stands_and_not_only_that_it_was_away() -> None:
+    b = bench()
+    b.begin()
+    b.link.unplug()
+    b.clock.advance(12.0)
+    b.link.device.plugged(b.clock.now())
+    b.link.plug()
+    b.link.run(2.0)
+    assert b.head.latched == "nobody knows whether its board has started anew, and where its servos stand"
+    assert b.link.device.commands == []
+
+
 def test_topics_told_unasked_are_those_of_a_board_that_has_started_anew() -> None:
     b = bench()
     b.begin()
