@@ -13,7 +13,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from drivers.errors import BadRequest, DriverError
-from drivers.ros2.definitions import ACTIONS, MESSAGES, SERVICES
+from drivers.ros2.definitions import ACTIONS, MESSAGES, SERVICES, TIME, UUID
 
 _EMPTY = ("structure_needs_at_least_one_member", (Nodetype.BASE, ("uint8", 0)))
 """What a type without fields has on the wire."""
@@ -55,10 +55,10 @@ class Types:
     def define(self, name: str, text: str) -> None:
         """Add a type by the text of its definition. Raises BadRequest for one that is not understood."""
         try:
-            ((constants, fields),) = get_types_from_msg(text, "a/msg/B").values()
-            found = [_resolved(each, name) for each in fields] or [_EMPTY]
-            for used in _used(found):
+            ((constants, fields),) = get_types_from_msg(text, name).values()
+            for used in _used(fields):
                 self._known(used)
+            found: list[Any] = [*fields] or [_EMPTY]
             self._store.register({name: (constants, found)})
         except BadRequest:
             raise
@@ -67,40 +67,25 @@ class Types:
 
     def define_service(self, name: str, request: str, response: str) -> None:
         """Add the types of a service."""
+        # What a service is for its hash: request, response, and what tells of both.
         self.define(f"{name}_Request", request)
         self.define(f"{name}_Response", response)
-        self._service(name)
+        kinds = [(Nodetype.NAME, f"{name}_{part}") for part in ("Request", "Response", "Event")]
+        several = [(Nodetype.SEQUENCE, (kind, 1)) for kind in kinds[:2]]
+        told = ((Nodetype.NAME, "service_msgs/msg/ServiceEventInfo"), *several)
+        words = ("request_message", "response_message", "event_message")
+        self._store.register({f"{name}_Event": ([], list(zip(("info", "request", "response"), told, strict=True)))})
+        self._store.register({name: ([], list(zip(words, kinds, strict=True)))})
 
     def define_action(self, name: str, goal: str, result: str, feedback: str) -> None:
         """Add the types of an action, with those of its services and topics."""
         for part, text in (("Goal", goal), ("Result", result), ("Feedback", feedback)):
             self.define(f"{name}_{part}", text)
-        own = {
-            "SendGoal_Request": f"unique_identifier_msgs/UUID goal_id\n{name}_Goal goal",
-            "SendGoal_Response": "bool accepted\nbuiltin_interfaces/Time stamp",
-            "GetResult_Request": "unique_identifier_msgs/UUID goal_id",
-            "GetResult_Response": f"int8 status\n{name}_Result result",
-            "FeedbackMessage": f"unique_identifier_msgs/UUID goal_id\n{name}_Feedback feedback",
-        }
-        for part, text in own.items():
-            fields = []
-            for line in text.splitlines():
-                kind, word = line.split()
-                base = (Nodetype.BASE, (kind, 0))
-                fields.append((word, (Nodetype.NAME, _full(kind)) if "/" in kind else base))
-            self._store.register({f"{name}_{part}": ([], fields)})
-        self._service(f"{name}_SendGoal")
-        self._service(f"{name}_GetResult")
-
-    def _service(self, name: str) -> None:
-        """Add what a service is for its hash: request, response, and what tells of both."""
-        request, response, event = (f"{name}_{part}" for part in ("Request", "Response", "Event"))
-        several = [(word, (Nodetype.SEQUENCE, ((Nodetype.NAME, kind), 1))) for word, kind in
-                   (("request", request), ("response", response))]  # fmt: skip
-        info = ("info", (Nodetype.NAME, "service_msgs/msg/ServiceEventInfo"))
-        self._store.register({event: ([], [info, *several])})
-        whole = zip(("request_message", "response_message", "event_message"), (request, response, event), strict=True)
-        self._store.register({name: ([], [(word, (Nodetype.NAME, kind)) for word, kind in whole])})
+        which = f"{UUID} goal_id"
+        started = f"{which}\n{name}_Goal goal", f"bool accepted\n{TIME} stamp"
+        self.define_service(f"{name}_SendGoal", *started)
+        self.define_service(f"{name}_GetResult", which, f"int8 status\n{name}_Result result")
+        self.define(f"{name}_FeedbackMessage", f"{which}\n{name}_Feedback feedback")
 
     def digest(self, name: str) -> str:
         """Return the hash of a type, as its keys have it. Raises BadRequest for one that is not known."""
@@ -217,24 +202,6 @@ def _basic(kind: str, value: Any, at: str) -> object:
     if number != int(number):
         raise ValueError(f"{at}: needs a whole number, got {value!r}")
     return int(number)
-
-
-def _full(kind: str) -> str:
-    """Return a type by its whole name: definitions leave out `msg`."""
-    return kind if kind.count("/") == 2 else kind.replace("/", "/msg/")
-
-
-def _resolved(field: Any, name: str) -> Any:
-    """Return a field whose type of the same package goes by its whole name."""
-    word, (what, of) = field
-    package = name.split("/", maxsplit=1)[0]
-
-    def named(kind: Any) -> Any:
-        return (kind[0], kind[1].replace("a/msg/", f"{package}/msg/")) if kind[0] == Nodetype.NAME else kind
-
-    if what in {Nodetype.ARRAY, Nodetype.SEQUENCE}:
-        return word, (what, (named(of[0]), of[1]))
-    return word, named((what, of))
 
 
 def _unchar(field: Any) -> Any:

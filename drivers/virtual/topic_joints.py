@@ -1,15 +1,13 @@
-"""Joints and voices of robots of ROS 2 at the far end of their topics. Frames in, frames out."""
+"""Joints of robots of ROS 2 at the far end of their topics. Frames in, frames out."""
 
 from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 from math import inf
 from typing import Any
 
-from drivers.api import ignore
 from drivers.ros2 import wire
 from drivers.ros2.line import Channel
 from drivers.ros2.types import Malformed, types
-from drivers.ros2.voice import STRING
 from drivers.ros2.ways import ARRAY, SINGLE, STATE, TRAJECTORY, TopicJoint, channels_of
 from drivers.sim.servo import Shaft
 from drivers.virtual.topics import Topics
@@ -113,21 +111,3 @@ def _between(points: list[tuple[float, dict[str, float]]], name: str, now: float
             share = max(now - begins, 0.0) / (ends - begins)
             return start[name] + share * (end[name] - start[name])
     return points[-1][1][name]
-
-
-class VirtualEar(Topics):
-    """Who speaks what is sent to a topic of texts: ``said`` has it, and ``out`` is told."""
-
-    def __init__(self, topic: str, out: Callable[[str], None] = ignore) -> None:
-        super().__init__([Channel(topic, (STRING,), sends=True)])
-        self.said: list[str] = []
-        self._out = out
-
-    def _hear(self, channel: int, payload: bytes, now: float) -> None:
-        del now
-        try:
-            text = types().decode(self._kind(channel), payload).data
-        except Malformed:
-            return
-        self.said.append(text)
-        self._out(text)

@@ -95,20 +95,14 @@ def joined(wanted: Joining, folder: Path, latch: FleetLatch) -> Iterator[Member]
     robot = robot_of(wanted.order)
     address = Address(wanted.name, own_number(folder))
     simulated = wanted.order.simulation is not None
-    clock = SystemClock()
-    roster = Roster(clock)
-    fleet = fleet_of(wanted.fleet)
+    roster = Roster(SystemClock())
     with ExitStack() as closed:
-        line = ZenohLine(open_session(fleet), wanted.fleet, roster)
+        line = ZenohLine(open_session(fleet_of(wanted.fleet)), wanted.fleet, roster)
         own = Own(address, robot.name[:60], tuple(sorted(robot.parts)), simulated)
-        body = closed.enter_context(Machine())
-        member = Member(own, line, roster, body, latch, clock=clock)
+        member = Member(own, line, roster, closed.enter_context(Machine()), latch)
         connection = closed.enter_context(closing(open_db(queue_file(folder), any_thread=True)))
         queue, kept = ErrandQueue(connection, channels_of, local_zone()), Kept(connection)
-        employ(
-            member, address, line, roster, body, latch, queue, kept, clock,
-            robot=wanted.robot, options=wanted.options, knows=is_there,
-        )  # fmt: skip
+        employ(member, queue, kept, robot=wanted.robot, options=wanted.options, knows=is_there)
         line.follow()
         yield closed.enter_context(member)
 

@@ -7,7 +7,6 @@ import pytest
 
 from drivers.errors import BadRequest, NotConnected
 from drivers.ros2.voice import Ros2Voice
-from drivers.virtual.topic_joints import VirtualEar
 from tests.contract.rigs import InSimulatedTime
 from tests.contract.test_voice_contract import (  # noqa: F401 - what holds of words
     VoiceRig,
@@ -21,6 +20,7 @@ from tests.contract.test_voice_contract import (  # noqa: F401 - what holds of w
     test_what_was_broken_off_can_be_cancelled_while_it_waits,
 )
 from tests.drivers.cranked import HandWire
+from tests.drivers.ros2.ear import VirtualEar
 
 
 class TopicVoice(InSimulatedTime, VoiceRig):

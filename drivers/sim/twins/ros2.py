@@ -79,13 +79,11 @@ class Ros2Twin:
         """Return how many nodes there are."""
         return 1 if self.plug.online else 0
 
-    def offers(self, name: str) -> bool:
+    def does(self, name: str) -> bool:
         """Whether it is one of the actions of Nav2."""
-        return self.does(name)
+        return self.plug.online and name in {self._keys.navigation, self._keys.through}
 
-    def does(self, action: str) -> bool:
-        """Whether it is one of the actions of Nav2."""
-        return self.plug.online and action in {self._keys.navigation, self._keys.through}
+    offers = does
 
     def navigates(self) -> bool:
         """Whether there is Nav2 to drive by."""

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from missions.service.fleet.form import MAX_ANSWER, BadMessageError, as_bytes, read
 from missions.service.fleet.roster import Roster
@@ -22,28 +22,8 @@ OnAnswer = Callable[[Address | None, Answer | None], None]
 """Gets each answer and whose it is, on a thread of the wire; in the end None."""
 
 
-class Line(Protocol):
-    """How one is connected to a fleet."""
-
-    def announce(self, address: Address, on_stop: OnAsk, on_ask: OnAsk, state: Callable[[], bytes]) -> None:
-        """Be seen by all as the robot of this address, which answers and tells its ``state`` from now on."""
-        ...
-
-    def tell(self, address: Address, state: bytes) -> None:
-        """Tell all how it is."""
-        ...
-
-    def ask(self, ask: Ask, where: str, on_answer: OnAnswer, timeout: float) -> None:
-        """Ask a robot, or ``*/*`` all; returns at once."""
-        ...
-
-    def close(self) -> None:
-        """Be gone."""
-        ...
-
-
 class ZenohLine:
-    """A Line over a ``session``, which it closes. What it hears of the others it tells the ``roster``."""
+    """One in a fleet, over a ``session``, which it closes. What it hears of the others it tells the ``roster``."""
 
     def __init__(self, session: "zenoh.Session", fleet: str, roster: Roster) -> None:
         import zenoh  # noqa: PLC0415 - an extra
@@ -79,7 +59,10 @@ class ZenohLine:
         self._session.get(key(self._fleet, "state", where), self._zenoh.handlers.Callback(heard), timeout=2.0)
 
     def announce(self, address: Address, on_stop: OnAsk, on_ask: OnAsk, state: Callable[[], bytes]) -> None:
-        """See Line. A stop has a thread of its own: nothing else that is asked holds it up."""
+        """Be seen by all as the robot of this address, which answers and tells its ``state`` from now on.
+
+        A stop has a thread of its own: nothing else that is asked holds it up.
+        """
         where = self._own = str(address)
 
         def told(query: Any) -> None:
@@ -113,13 +96,12 @@ class ZenohLine:
 
         return asked
 
-    def tell(self, address: Address, state: bytes) -> None:
-        """See Line."""
-        del address
+    def tell(self, state: bytes) -> None:
+        """Tell all how it is."""
         self._publisher.put(state)
 
     def ask(self, ask: Ask, where: str, on_answer: OnAnswer, timeout: float) -> None:
-        """See Line."""
+        """Ask a robot, or ``*/*`` all; returns at once."""
 
         def heard(reply: Any) -> None:
             if reply.ok is None:
@@ -144,5 +126,5 @@ class ZenohLine:
         )
 
     def close(self) -> None:
-        """See Line."""
+        """Be gone."""
         self._session.close()

@@ -16,7 +16,7 @@ from drivers.clock import Clock, SystemClock
 from missions.service.fleet.body import Body
 from missions.service.fleet.form import MAX_INTEGER, MAX_TEXT_LENGTH, as_bytes
 from missions.service.fleet.latch import FleetLatch
-from missions.service.fleet.line import Line, Reply
+from missions.service.fleet.line import Reply, ZenohLine
 from missions.service.fleet.roster import Roster
 from missions.service.fleet.words import Address, Answer, Ask, Met, MetRobot, Release, RobotState, Stop, TaskState
 
@@ -84,7 +84,7 @@ class Member:
     def __init__(
         self,
         own: Own,
-        line: Line,
+        line: ZenohLine,
         roster: Roster,
         body: Body,
         latch: FleetLatch,
@@ -93,10 +93,10 @@ class Member:
         busy: Callable[[], Doing] = Doing,
         clock: Clock | None = None,
     ) -> None:
-        self._own, self._line, self._roster, self._body, self._latch = own, line, roster, body, latch
+        self.own, self.line, self.roster, self.body, self.latch = own, line, roster, body, latch
         self.workers = list(workers)
         self.busy = busy
-        self._clock = clock or SystemClock()
+        self.clock = clock or SystemClock()
         self._waiting: deque[tuple[Ask, Reply]] = deque()
         self._wake, self._over = Event(), Event()
         self._state = RobotState(
@@ -108,11 +108,11 @@ class Member:
         self._thread = Thread(target=self._serve, name="fleet", daemon=True)
 
     def __enter__(self) -> Self:
-        self._latch.load()
-        if self._latch.stopped:
-            self._body.stop(self._latch.by)
+        self.latch.load()
+        if self.latch.stopped:
+            self.body.stop(self.latch.by)
         self._state = self._now()
-        self._line.announce(self._own.address, self._stopped, self._asked, lambda: as_bytes(self._state))
+        self.line.announce(self.own.address, self._stopped, self._asked, lambda: as_bytes(self._state))
         self._thread.start()
         return self
 
@@ -123,7 +123,7 @@ class Member:
         self._wake.set()
         self._thread.join()
         self._tell(replace(self._state, farewell=True, free=False))
-        self._line.close()
+        self.line.close()
 
     def wake(self) -> None:
         """Look soon at what is to be done. From any thread."""
@@ -132,7 +132,7 @@ class Member:
     @property
     def copied(self) -> bool:
         """Whether another robot has this address, as after a card was copied: neither does or keeps tasks then."""
-        return self._clock.now() < self._copied_until
+        return self.clock.now() < self._copied_until
 
     # --- threads of the wire ----------------------------------------------------------------------------------------
 
@@ -145,12 +145,12 @@ class Member:
         if ask.press and ask.press == press:
             reply(answer)
             return
-        if (now := self._clock.now()) > self._quiet_until + SPREAD[1]:  # who stops without end does not silence it
+        if (now := self.clock.now()) > self._quiet_until + SPREAD[1]:  # who stops without end does not silence it
             self._quiet_until = now + uniform(*SPREAD)  # noqa: S311 - no secret
-        number, keep = self._latch.stop(ask.by)
+        number, keep = self.latch.stop(ask.by)
         kept: list[str] = []
         try:
-            good, words = self._body.stop(ask.by)  # first: to start a thread takes its time on a busy machine
+            good, words = self.body.stop(ask.by)  # first: to start a thread takes its time on a busy machine
         finally:
             keeping = Thread(target=lambda: kept.append(keep()), name="keep the stop")
             keeping.start()  # a disk may take its time: who asks does not wait for it for long
@@ -184,22 +184,22 @@ class Member:
             answer = self._guarded(partial(self._answer, ask)) or Answer(ok=False, why="a fault of this robot's")
             self._guarded(partial(reply, answer))  # who asks may be gone
         self._look_for_a_copy()
-        busy = [self._guarded(partial(worker.step, self._clock.now())) is not False for worker in self.workers]
-        if self._clock.now() < self._quiet_until:
+        busy = [self._guarded(partial(worker.step, self.clock.now())) is not False for worker in self.workers]
+        if self.clock.now() < self._quiet_until:
             return True
         state = self._guarded(self._now) or self._state
-        if _worth(self._state, state) or self._clock.now() - self._told_at > HEARTBEAT:
+        if _worth(self._state, state) or self.clock.now() - self._told_at > HEARTBEAT:
             self._tell(state)
         return any(busy)
 
     def _look_for_a_copy(self) -> None:
-        there = self._roster.get(self._own.address)
+        there = self.roster.get(self.own.address)
         if there is None or there.state is None or there.state.session == self._state.session or there.state.farewell:
             return
         if not self.copied:
             what = "fleet: another robot has the number %s of this one: was its card copied? rm fleet_number at one"
-            log.error(what, self._own.address.number)
-        self._copied_until = self._clock.now() + 3 * HEARTBEAT
+            log.error(what, self.own.address.number)
+        self._copied_until = self.clock.now() + 3 * HEARTBEAT
 
     @staticmethod
     def _guarded(work: Callable[[], T]) -> T | None:
@@ -215,7 +215,7 @@ class Member:
             case Release():
                 return self._release(ask)
             case Met():
-                met = self._roster.members().values()
+                met = self.roster.members().values()
                 told = (MetRobot(robot=str(each.address), connection=each.connection) for each in met)
                 return Answer(told=tuple(asdict(each) for each in told))
         for worker in self.workers:
@@ -225,26 +225,26 @@ class Member:
 
     def _release(self, ask: Release) -> Answer:
         try:
-            released = self._latch.release(ask.stop)
+            released = self.latch.release(ask.stop)
         except OSError as error:
             return Answer(ok=False, why=f"it stays stopped, for that cannot be kept: {error.strerror}")
         if not released:
-            last = f"the last one is {self._latch.number}, by {self._latch.by}" if self._latch.stopped else "none is"
+            last = f"the last one is {self.latch.number}, by {self.latch.by}" if self.latch.stopped else "none is"
             return Answer(ok=False, why=f"stop {ask.stop} is not latched: {last}")
-        good, words = self._body.release(ask.by, resume=ask.resume)
+        good, words = self.body.release(ask.by, resume=ask.resume)
         return Answer(ok=good, why=words)
 
     def _now(self) -> RobotState:
         """Return how the robot is now."""
-        seen, doing = self._body.look(), self.busy()
+        seen, doing = self.body.look(), self.busy()
         return replace(
             self._state,
             mission=_clean(seen.mission),
             task=doing.task,
             task_state=doing.state,
-            free=doing.free and not self._latch.stopped and not self.copied and not (seen.runs and not doing.task),
-            stops=self._latch.number,
-            stopped=_clean(self._latch.by or seen.stopped),
+            free=doing.free and not self.latch.stopped and not self.copied and not (seen.runs and not doing.task),
+            stops=self.latch.number,
+            stopped=_clean(self.latch.by or seen.stopped),
             battery=_known(seen.battery),
             x=_known(seen.x),
             y=_known(seen.y),
@@ -254,9 +254,9 @@ class Member:
 
     def _tell(self, state: RobotState) -> None:
         self._state = replace(state, number=self._state.number + 1)
-        self._told_at = self._clock.now()
+        self._told_at = self.clock.now()
         with suppress(Exception):  # the wire is closed: who is not reached asks again
-            self._line.tell(self._own.address, as_bytes(self._state))
+            self.line.tell(as_bytes(self._state))
 
 
 def _clean(text: str) -> str:

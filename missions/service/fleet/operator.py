@@ -12,7 +12,7 @@ from typing import Literal, TypeVar
 from config.fleet import FleetKeys
 from drivers.clock import Clock, SystemClock
 from missions.service.fleet.form import BadMessageError, of
-from missions.service.fleet.line import Line, ZenohLine
+from missions.service.fleet.line import ZenohLine
 from missions.service.fleet.place import check_name, open_session
 from missions.service.fleet.roster import Member, Roster
 from missions.service.fleet.words import (
@@ -72,7 +72,7 @@ class Operator:
     """A session in a fleet: its ``line``, and the ``roster`` that it keeps."""
 
     fleet: FleetKeys
-    line: Line
+    line: ZenohLine
     roster: Roster
     clock: Clock
     by: str

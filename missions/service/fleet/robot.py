@@ -3,15 +3,10 @@
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 
-from drivers.clock import Clock
-from missions.service.fleet.body import Body
 from missions.service.fleet.errands import ErrandQueue, Errands, Ready
 from missions.service.fleet.keeper import Keeper
 from missions.service.fleet.kept import Kept
-from missions.service.fleet.latch import FleetLatch
-from missions.service.fleet.line import Line
 from missions.service.fleet.member import Member
-from missions.service.fleet.roster import Roster
 from missions.service.fleet.times import Times
 from missions.service.fleet.words import Address, Answer, Ask
 from missions.service.times import wall_clock
@@ -19,14 +14,8 @@ from missions.service.times import wall_clock
 
 def employ(
     member: Member,
-    own: Address,
-    line: Line,
-    roster: Roster,
-    body: Body,
-    latch: FleetLatch,
     queue: ErrandQueue,
     kept: Kept,
-    clock: Clock,
     *,
     robot: str = "",
     options: Sequence[str] = (),
@@ -37,18 +26,19 @@ def employ(
 
     ``knows`` says whether there is a mission of a name; ``queue`` and ``kept`` are for the member's thread.
     """
-    times = times or Times()
+    times, own = times or Times(), member.own.address
+    ready, now = _asking(member, times), member.clock.now
     errands = Errands(
-        own, queue, body, _asking(line, member, times), clock.now, wall_clock,
-        held=lambda: latch.stopped or member.copied, robot=robot, options=tuple(options), times=times, knows=knows,
+        own, queue, member.body, ready, now, wall_clock, held=lambda: member.latch.stopped or member.copied,
+        robot=robot, options=tuple(options), times=times, knows=knows,
     )  # fmt: skip
-    keeper = Keeper(own, kept, roster, _asking(line, member, times), clock.now, wall_clock, times)
+    keeper = Keeper(own, kept, member.roster, ready, now, wall_clock, times)
     keeper.copied = lambda: member.copied
     member.workers += [errands, keeper]
     member.busy = errands.doing
 
 
-def _asking(line: Line, member: Member, times: Times) -> Ready:
+def _asking(member: Member, times: Times) -> Ready:
     """Return what asks one robot, and wakes the member with its answer."""
 
     def ready(ask: Ask, address: Address, on_answer: Callable[[Answer | None], None]) -> None:
@@ -62,6 +52,6 @@ def _asking(line: Line, member: Member, times: Times) -> Ready:
             member.wake()
 
         with suppress(Exception):  # the wire is closed, or not there yet: what is not answered is asked again
-            line.ask(ask, str(address), heard, times.again * 2)
+            member.line.ask(ask, str(address), heard, times.again * 2)
 
     return ready

@@ -1,7 +1,6 @@
 """A recorder of the nodes of ROS 2."""
 
 from drivers.api import GoalState, Progress, Reading, Ros2
-from drivers.api.ros2 import Place
 from drivers.clock import ManualClock
 from missions.testing.recorders.spy import STOP, Spy, none
 
@@ -24,14 +23,12 @@ class RecordedRos2(Spy):
         """Whether there is Nav2."""
         return self.nav2
 
-    def offers(self, name: str) -> bool:
+    def does(self, name: str) -> bool:
         """Whether there is anything."""
-        return self.does(name)
-
-    def does(self, action: str) -> bool:
-        """Whether there is anything."""
-        del action
+        del name
         return self.nav2
+
+    offers = does
 
     def nodes(self) -> int:
         """One node."""
@@ -46,23 +43,20 @@ class RecordedRos2(Spy):
         del number
         return self.comes
 
-    def publish(self, topic: str, kind: str, values: str) -> None:
-        """Keep a message."""
-        self.keep(("publish", topic, kind, values))
-
-    def call(self, service: str, kind: str, values: str) -> int:
+    def call(self, *given: str) -> int:
         """Keep a call."""
-        self.keep(("call", service, kind, values))
-        return len(self.commands)
+        return self._begun("call", given)
 
-    def begin(self, action: str, kind: str, goal: str) -> int:
+    def begin(self, *given: str) -> int:
         """Keep a goal."""
-        self.keep(("begin", action, kind, goal))
-        return len(self.commands)
+        return self._begun("begin", given)
 
-    def navigate(self, places: tuple[Place, ...], frame: str) -> int:
+    def navigate(self, *given: object) -> int:
         """Keep the places."""
-        self.keep(("navigate", places, frame))
+        return self._begun("navigate", given)
+
+    def _begun(self, word: str, given: tuple[object, ...]) -> int:
+        self.keep((word, *given))
         return len(self.commands)
 
     def cancel(self, number: int) -> None:

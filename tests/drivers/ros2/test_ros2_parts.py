@@ -31,8 +31,8 @@ from drivers.sim.timeline import Timeline
 from drivers.sim.twins.ros2_joints import arm as twin_arm
 from drivers.sim.twins.ros2_joints import head as twin_head
 from drivers.virtual.ros2 import Ros2Terminal, arm, graph, head
-from drivers.virtual.topic_joints import VirtualEar
 from missions.library.drivers import robot_of
+from tests.drivers.ros2.ear import VirtualEar
 from tests.waiting import wait_until
 
 ARM = Ros2ArmKeys(

@@ -82,7 +82,7 @@ def main(folder: Path, name: str, port: int) -> None:
         member = Member(own, line, roster, body, latch, clock=clock)
         theirs = closed.enter_context(closing(open_db(path, any_thread=True)))
         journal = ErrandQueue(theirs, lambda _: ())
-        employ(member, own.address, line, roster, body, latch, journal, Kept(theirs), clock, times=TIMES)
+        employ(member, journal, Kept(theirs), times=TIMES)
         line.follow()
         closed.enter_context(member)
         Server(queue, work, wall_clock, lambda _: None, held=lambda: latch.stopped).run()

@@ -51,8 +51,7 @@ class Told(Fleet):
         super().__init__()
         self.states: list[bytes] = []
 
-    def tell(self, address: Address, state: bytes) -> None:
-        del address
+    def tell(self, state: bytes) -> None:
         self.states.append(state)
 
 

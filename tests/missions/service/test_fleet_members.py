@@ -18,7 +18,7 @@ from drivers.clock import ManualClock, SystemClock
 from missions.service.fleet.body import Telemetry
 from missions.service.fleet.form import read
 from missions.service.fleet.latch import FILE, FleetLatch
-from missions.service.fleet.line import Line, ZenohLine
+from missions.service.fleet.line import ZenohLine
 from missions.service.fleet.member import Member, Own
 from missions.service.fleet.operator import Operator
 from missions.service.fleet.place import open_session
@@ -131,9 +131,9 @@ def test_a_file_of_the_stop_that_cannot_be_read_is_a_stop(fleet: FleetKeys, tmp_
 def test_a_robot_whose_run_tells_nonsense_is_seen_without_it(odd: Telemetry, tmp_path: Path) -> None:
     body, told = CountingBody(), list[bytes]()
     body.telemetry = odd
-    line = SimpleNamespace(tell=lambda _, state: told.append(state), announce=lambda *_: None, close=lambda: None)
+    line = SimpleNamespace(tell=told.append, announce=lambda *_: None, close=lambda: None)
     clock = ManualClock()
-    robot = Member(Own(ANNA, "kobuki"), cast("Line", line), Roster(clock), body, FleetLatch(tmp_path), clock=clock)
+    robot = Member(Own(ANNA, "kobuki"), cast("ZenohLine", line), Roster(clock), body, FleetLatch(tmp_path), clock=clock)
     robot.turn()
     seen = read(RobotState, told[0])
     assert (seen.battery, seen.x, seen.age) == (None, None, None)

@@ -8,7 +8,7 @@ import pytest
 from config.fleet import FleetKeys
 from drivers.clock import ManualClock
 from missions.service.fleet.form import as_bytes
-from missions.service.fleet.line import OnAnswer, OnAsk
+from missions.service.fleet.line import OnAnswer, ZenohLine
 from missions.service.fleet.operator import ENDED_PAGES, LONGEST, Operator
 from missions.service.fleet.roster import Roster
 from missions.service.fleet.words import Address, Answer, Ask, RobotState, Tasks, ToldTask, key
@@ -30,7 +30,7 @@ class Busy(ManualClock):
         return super().now()
 
 
-class Fleet:
+class Fleet(ZenohLine):
     """Robots that answer at once with what is told here; it is the line to them, too."""
 
     def __init__(self) -> None:
@@ -48,21 +48,12 @@ class Fleet:
             self.number += 1
             self.roster.told(key("f", "state", str(each)), as_bytes(replace(STATE, number=self.number)))
 
-    def announce(self, address: Address, on_stop: OnAsk, on_ask: OnAsk, state: Callable[[], bytes]) -> None:
-        raise NotImplementedError
-
-    def tell(self, address: Address, state: bytes) -> None:
-        raise NotImplementedError
-
     def ask(self, ask: Ask, where: str, on_answer: OnAnswer, timeout: float) -> None:
         self.asked.append((ask, where, timeout))
         for address in self.roster.members():
             if where in (str(address), "*/*") and address not in self.deaf:
                 on_answer(address, self.answering(ask))
         on_answer(None, None)
-
-    def close(self) -> None:
-        raise NotImplementedError
 
 
 def test_a_stop_ends_in_a_fleet_that_moves_all_the_time() -> None:
