@@ -48,11 +48,12 @@ class Ros2Graph:
         keys: Ros2Keys,
         *,
         domain: int,
+        name: str = "missiontree",
         report: Report = ignore,
         changed: Callable[[], None] = ignore,
     ) -> None:
         self.keys = keys
-        self._access, self._clock, self._domain = access, clock, domain
+        self._access, self._clock, self._domain, self._called = access, clock, domain, name
         self._report, self._changed = guarded(report), guarded(changed)
         self._lock = RLock()
         self._session: Any = None
@@ -214,7 +215,8 @@ class Ros2Graph:
             session = open_session(self.name, self._access)
             self._lost.clear()
             transports = Transports(session, self._gone)
-            node = Node(session, self._clock, domain=self._domain, namespace=self.keys.namespace)
+            keys = self.keys
+            node = Node(session, self._clock, domain=self._domain, namespace=keys.namespace, name=self._called)
         except NotConnected as error:
             self._trouble = error
             self._requests.look(None)

@@ -68,14 +68,19 @@ class Node:
         return next((each for kind in wanted for each in found if each.kind == kind), None)
 
     def publisher(self, name: str, kind: str, digest: str = "") -> "Publisher":
-        """Return what sends on a topic; ``digest`` is the hash of the type, where it was read from a token."""
+        """Return what sends on a topic; ``digest`` is the hash of the type, where it was read from a token.
+
+        Raises NotConnected where the session has gone.
+        """
         with self._lock:
             if (known := self._publishers.get((name, kind, digest))) is not None:
                 return known
             entity = self._entity(wire.PUBLISHER, name, kind, digest)
-            declared = self._session.declare_publisher(
-                entity.key, congestion_control=self._zenoh.CongestionControl.DROP, express=True
-            )
+            drop = self._zenoh.CongestionControl.DROP
+            try:
+                declared = self._session.declare_publisher(entity.key, congestion_control=drop, express=True)
+            except self._zenoh.ZError as error:
+                raise NotConnected(f"ros2: {name}: the session of Zenoh has gone: {error}") from error
             self._publishers[name, kind, digest] = made = Publisher(declared, entity, self.attach)
         self._token(entity)
         return made
@@ -233,10 +238,15 @@ class Publisher:
         self._gid = _gid()
 
     def send(self, payload: bytes) -> None:
-        """Send a message; what cannot go out now is dropped."""
-        with self._lock:
-            self._number += 1
-            self._declared.put(payload, attachment=self._attach(self._number, self._gid))
+        """Send a message; what cannot go out now is dropped. Raises NotConnected where the session has gone."""
+        from zenoh import ZError  # noqa: PLC0415 - an extra
+
+        try:
+            with self._lock:
+                self._number += 1
+                self._declared.put(payload, attachment=self._attach(self._number, self._gid))
+        except ZError as error:
+            raise NotConnected(f"ros2: {self.entity.name}: the session of Zenoh has gone: {error}") from error
 
 
 class _Once:

@@ -5,10 +5,12 @@ from collections.abc import Mapping
 from contextlib import suppress
 from math import cos, nan, sin
 from queue import Empty, SimpleQueue
+from threading import Event as Signal
 from threading import Thread
 from typing import TYPE_CHECKING, Any, Self
 
 from config.library import DEFAULT_ROBOT, find
+from drivers.api.sections import Ros2Keys
 from drivers.clock import SystemClock, since_1970
 from drivers.errors import NotConnected
 from drivers.ros2.declared import ZenohKeys
@@ -31,8 +33,8 @@ FRAME = "camera_optical_frame"
 AGAIN = 1.0
 """Seconds after which the whole tree and the variables are told again: who has come later has missed them."""
 
-RETRY = 1.0
-"""Seconds until a router that did not answer is tried again."""
+PATIENCE = 1.0
+"""Seconds for which the first event waits for the router."""
 
 MOST_WAITING = 10_000
 """Events that wait to be told at most."""
@@ -46,12 +48,17 @@ class Announcer:
     """
 
     def __init__(self, access: "Access", domain: int) -> None:
-        self._access, self._domain = access, domain
+        from drivers.ros2.graph import Ros2Graph  # noqa: PLC0415 - an extra
+
+        self.domain = domain
         self._waiting: SimpleQueue[tuple[Event, int] | None] = SimpleQueue()
         self._tree: dict[str, object] = {}
         self._nodes: dict[str, dict[str, object]] = {}
         self._variables: dict[str, object] = {}
-        self._clock = SystemClock()
+        self._clock, self._connected = SystemClock(), Signal()
+        self._graph = Ros2Graph(
+            access, self._clock, Ros2Keys(), domain=domain, name="mission", report=lambda _: self._connected.set()
+        )
         self._told_at = -AGAIN
         self._changed = True
         self._ending = False
@@ -80,50 +87,42 @@ class Announcer:
             self._waiting.put((event, since_1970()))
 
     def _run(self) -> None:
-        from drivers.ros2.node import Node  # noqa: PLC0415 - an extra
-        from drivers.ros2.session import open_session  # noqa: PLC0415
-
-        while True:
-            try:
-                session = open_session("announcer", self._access)
-            except NotConnected:
-                if self._ending:
-                    return
-                self._take(None, RETRY)
-                continue
-            node = Node(session, self._clock, domain=self._domain, name="mission")
-            ended = self._tell_all(node)
-            node.close()
-            session.close()  # type: ignore[no-untyped-call]
-            if ended:
-                return
-
-    def _tell_all(self, node: "Node") -> bool:
-        """Tell what comes, until the run or the session ends; say if it was the run."""
-        for name in (EVENTS, TREE, VARIABLES):
-            node.publisher(name, STRING)
-        node.publisher(SEEN, DETECTIONS)
+        self._graph.open()
+        self._connected.wait(PATIENCE)  # what comes first is told, too
         while not (self._ending and self._waiting.empty()):
-            self._take(node, AGAIN)
-        self._tell_state(node)
-        return True
+            self._take(self._node())
+        if (node := self._node()) is not None:
+            with suppress(NotConnected):
+                self._tell_state(node)
+        self._graph.close()
 
-    def _take(self, node: "Node | None", patience: float) -> None:
+    def _node(self) -> "Node | None":
+        """Return the node to tell by; None while the router is away."""
+        try:
+            node = self._graph.node()
+            for name in (EVENTS, TREE, VARIABLES):
+                node.publisher(name, STRING)
+            node.publisher(SEEN, DETECTIONS)
+        except NotConnected:
+            return None
+        return node
+
+    def _take(self, node: "Node | None") -> None:
         """Take an event, if one comes, and tell it; and now and then how all stands."""
         event, heard = None, 0
         with suppress(Empty):
-            event, heard = self._waiting.get(timeout=patience) or (None, 0)
+            event, heard = self._waiting.get(timeout=AGAIN) or (None, 0)
         if event is not None:
             self._note(event)
         if node is None:
             return
-        if event is not None and not isinstance(event, Ticked):
-            _say(node, EVENTS, event.as_dict())
-        if isinstance(event, PerceptSeen):
-            _send(node, SEEN, DETECTIONS, detections(event, heard))
-        now = self._clock.now()
-        if now - self._told_at >= (0.1 if self._changed else AGAIN):
-            self._tell_state(node)
+        with suppress(NotConnected):
+            if event is not None and not isinstance(event, Ticked):
+                _say(node, EVENTS, event.as_dict())
+            if isinstance(event, PerceptSeen):
+                _send(node, SEEN, DETECTIONS, detections(event, heard))
+            if self._clock.now() - self._told_at >= (0.1 if self._changed else AGAIN):
+                self._tell_state(node)
 
     def _tell_state(self, node: "Node") -> None:
         self._told_at, self._changed = self._clock.now(), False

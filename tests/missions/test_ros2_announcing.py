@@ -209,7 +209,7 @@ def test_runs_that_nodes_start_are_in_the_domain_of_who_starts_them() -> None:
     keys = robot_named("turtlebot4", 42).keys(ZenohKeys)
     assert keys is not None
     assert keys.domain == 42
-    assert announcer_of("turtlebot4", None, 42)._domain == 42
+    assert announcer_of("turtlebot4", None, 42).domain == 42
     assert robot_named("turtlebot2", 42).name == "turtlebot2"
 
 
@@ -230,3 +230,22 @@ def test_a_cancel_of_a_goal_whose_run_has_ended_does_not_stop_the_next(monkeypat
     assert stopped == [None]
     server._cancel(now)
     assert stopped == [None, "the run of now"]
+
+
+@pytest.mark.real_time
+def test_a_run_is_told_on_once_the_router_is_back(router: Ros2Terminal) -> None:
+    announcer = Announcer(Access((router.path,)), 0)
+    announcer.open()
+
+    def told() -> list[str]:
+        node = router._node
+        return [] if node is None else [each.name for each in node.entities("MP") if each.node == "mission"]
+
+    wait_until(lambda: len(told()) == 4)
+    router.unplug()
+    for event in RUN:
+        announcer(event)
+    router.replug()
+    wait_until(lambda: len(told()) == 4)
+    announcer.close()
+    wait_until(lambda: not told())
