@@ -15,10 +15,9 @@ from drivers.api.following import Following
 from drivers.clock import Clock
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
-from drivers.dynamixel.refusals import check_names
+from drivers.dynamixel.refusals import narrowed
 from drivers.dynamixel.telling import Telling
 from drivers.dynamixel.torque import go
-from drivers.errors import BadRequest
 from drivers.guard import guarded
 
 EPISODE = 10.0
@@ -101,14 +100,7 @@ class CommandedJoints(Enabling, ABC):
 
     def curb(self, limits: Mapping[str, JointLimits]) -> Mapping[str, JointLimits]:
         """See ``drivers.api.Curbed``: of the named joints, from the next goal of each on. What stands beyond stays."""
-        check_names(self.name, set(limits), self._joints)
-        found = {}
-        for name, wanted in limits.items():
-            widest = self._joints[name].widest
-            lower, upper = max(wanted.lower, widest.lower), min(wanted.upper, widest.upper)
-            found[name] = JointLimits(lower, upper, min(wanted.speed, widest.speed))
-            if not (lower < upper and found[name].speed > 0):
-                raise BadRequest(f"{self.name}: limits {wanted} of {name} leave nothing of {widest}")
+        found = narrowed(self.name, limits, {name: joint.widest for name, joint in self._joints.items()})
         for name, narrower in found.items():
             self._joints[name].limits = narrower
         self._limits = {**self._limits, **found}

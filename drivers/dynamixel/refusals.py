@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from math import isfinite
 
-from drivers.api import Coupling
+from drivers.api import Coupling, JointLimits
 from drivers.errors import BadRequest
 
 
@@ -12,6 +12,24 @@ def check_names(who: str, names: AbstractSet[str], joints: Mapping[str, object])
     """Raise BadRequest for names that none of ``joints`` has."""
     if wrong := _unknown(names, joints):
         raise BadRequest(f"{who}: {'; '.join(wrong)}")
+
+
+def narrowed(
+    who: str, wanted: Mapping[str, JointLimits], widest: Mapping[str, JointLimits]
+) -> Mapping[str, JointLimits]:
+    """Return ``wanted`` limits within the ``widest`` of those joints.
+
+    Raises BadRequest for an unknown joint, and for limits that leave nothing.
+    """
+    check_names(who, set(wanted), widest)
+    found = {}
+    for name, its in wanted.items():
+        bounds = widest[name]
+        lower, upper = max(its.lower, bounds.lower), min(its.upper, bounds.upper)
+        found[name] = JointLimits(lower, upper, min(its.speed, bounds.speed))
+        if not (lower < upper and found[name].speed > 0):
+            raise BadRequest(f"{who}: limits {its} of {name} leave nothing of {bounds}")
+    return found
 
 
 def check_move(who: str, goals: Mapping[str, float], speeds: Mapping[str, float], joints: Mapping[str, object]) -> None:

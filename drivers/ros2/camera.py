@@ -46,7 +46,7 @@ Those of 16 bits are understood by the upper 8.
 
 
 class TopicFeed:
-    """A ``drivers.camera.capture.Feed`` of the pictures on a topic. ``malformed`` counts those that are none."""
+    """A ``drivers.camera.capture.Feed`` of the pictures on a topic."""
 
     def __init__(self, nodes: Nodes, topic: str) -> None:
         self._nodes = nodes
@@ -54,7 +54,6 @@ class TopicFeed:
         self._port: TopicPort | None = None
         self._finder = wire.FrameFinder()
         self._kind = self._wrong = ""
-        self.malformed = 0
 
     @property
     def what(self) -> str:
@@ -90,7 +89,7 @@ class TopicFeed:
                 try:
                     return picture(self._kind, payload)
                 except (Malformed, ValueError) as error:
-                    self.malformed, self._wrong = self.malformed + 1, str(error)
+                    self._wrong = str(error)
         return None
 
     def stop(self) -> None:

@@ -14,6 +14,7 @@ from drivers.errors import BadRequest, NotConnected
 from drivers.guard import guarded
 from drivers.loop import ThreadLoop
 from drivers.ros2 import wire
+from drivers.ros2.actions import SEND
 from drivers.ros2.node import Node
 from drivers.ros2.requests import Requests
 from drivers.ros2.session import Access, Transports, open_session
@@ -61,7 +62,7 @@ class Ros2Graph:
         self._transports: Transports | None = None
         self._lost = Event()
         self._trouble: NotConnected | None = NotConnected("ros2: not opened yet")
-        self._told = False
+        self._unattached = ""
         self._sessions = self._malformed = 0
         self._requests = Requests(self.node, clock, self._changed)
         self._watched: dict[str, Node] = {}
@@ -123,12 +124,12 @@ class Ros2Graph:
         node, full = self._node, self.full(name)
         if node is None:
             return False
-        return self.does(name) or any(node.kind_of(role, full) for role in (wire.SERVER, wire.PUBLISHER))
+        return self.does(name) or any(node.entities(role, full) for role in (wire.SERVER, wire.PUBLISHER))
 
     def does(self, action: str) -> bool:
         """Whether there is an action of this name now."""
         node = self._node
-        return node is not None and node.kind_of(wire.SERVER, f"{self.full(action)}/_action/send_goal") is not None
+        return node is not None and bool(node.entities(wire.SERVER, f"{self.full(action)}/{SEND}"))
 
     def navigates(self) -> bool:
         """Whether there is Nav2 to drive by."""
@@ -167,13 +168,13 @@ class Ros2Graph:
     def publish(self, topic: str, kind: str, values: str) -> None:
         """Send a message. Raises BadRequest, NotConnected."""
         name, node = self.full(topic), self.node()
-        listener = node.kind_of(wire.SUBSCRIBER, name, [kind] if kind else ())
-        kind = kind or ("" if listener is None else listener.kind)
+        listening = [each for each in node.entities(wire.SUBSCRIBER, name) if kind in {"", each.kind}]
+        kind = kind or (listening[0].kind if listening else "")
         if not kind:
             raise NotConnected(f"ros2: nobody listens to {name}, so its type is not known", hint="give 'type'")
         payload = types().encode(kind, json.loads(values or "{}"))
-        digest = listener.digest if listener is not None else ""
-        node.publisher(name, kind, digest).send(payload)
+        for digest in {each.digest for each in listening if each.kind == kind} or {""}:
+            node.publisher(name, kind, digest).send(payload)
 
     def call(self, service: str, kind: str, values: str) -> int:
         """Ask a service."""
@@ -207,6 +208,10 @@ class Ros2Graph:
         if self._session is None:
             return self._connect()
         self._requests.look(self._node)
+        if self._node is not None and self._node.unattached != self._unattached:
+            self._unattached = self._node.unattached
+            what = f"{self._unattached}: its messages come without what rmw_zenoh attaches, and are not heard"
+            self._tell("fault", what, "is its node started with RMW_IMPLEMENTATION=rmw_zenoh_cpp?")
         return LOOK
 
     def _connect(self) -> float:
@@ -268,10 +273,7 @@ class Ros2Graph:
             self._newest[name] = kind, payload, self._clock.now()
             self._changed()
 
-        node.subscribe(name, kinds, heard, self._miss)
-
-    def _miss(self) -> None:
-        self._malformed += 1
+        node.subscribe(name, kinds, heard)
 
     def _stamped(self, place: Place, frame: str) -> dict[str, object]:
         x, y, heading = place

@@ -64,11 +64,10 @@ class TopicPort:
         self._sieves: dict[int, list[Sieve]] = {}
         self._version = -1
         self._finder = wire.FrameFinder()
-        self.malformed = 0
         for number, each in enumerate(channels):
             types().warm(*each.kinds)
             if not each.sends:
-                self._sieves[number] = node.subscribe(each.topic, each.kinds, self._hear(number), self._miss, self)
+                self._sieves[number] = node.subscribe(each.topic, each.kinds, self._hear(number), self)
 
     def arrived(self, patience: float) -> bytes:
         """Return the frames that have come; wait up to ``patience`` seconds for the first. Raises OSError if lost."""
@@ -112,9 +111,6 @@ class TopicPort:
                 self._changed.notify()
 
         return heard
-
-    def _miss(self) -> None:
-        self.malformed += 1
 
     def _look(self) -> None:
         """Tell who is there, as that changes: who listens, with which types, and how many are heard."""

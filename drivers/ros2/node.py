@@ -38,6 +38,8 @@ class Node:
         self.domain, self.namespace, self.name = domain, namespace, name
         self.version = 0
         self.lost = False
+        self.unattached = ""
+        """A topic whose messages come without what `rmw_zenoh` attaches; they are not heard."""
         self._named = False  # as all that is attached is here: see Attachment
         self._zid = str(session.zid())
         self._lock = Lock()
@@ -59,14 +61,6 @@ class Node:
             found = list(self._found.values())
         return [each for each in found if role in {"", each.role} and name in {"", each.name}]
 
-    def kind_of(self, role: str, name: str, kinds: Iterable[str] = ()) -> Entity | None:
-        """Return who is there for a name, with one of these types, the first that is; None for nobody."""
-        found = self.entities(role, name)
-        wanted = list(kinds)
-        if not wanted:
-            return found[0] if found else None
-        return next((each for kind in wanted for each in found if each.kind == kind), None)
-
     def publisher(self, name: str, kind: str, digest: str = "") -> "Publisher":
         """Return what sends on a topic; ``digest`` is the hash of the type, where it was read from a token.
 
@@ -85,9 +79,7 @@ class Node:
         self._token(entity)
         return made
 
-    def subscribe(
-        self, name: str, kinds: Iterable[str], heard: Heard, malformed: Callable[[], None], owner: object = None
-    ) -> list[Sieve]:
+    def subscribe(self, name: str, kinds: Iterable[str], heard: Heard, owner: object = None) -> list[Sieve]:
         """Hear a topic that comes with one of these types, whatever their hashes; return what counts its messages.
 
         Of a topic that is latched, what was sent before comes too. Until the node closes, or ``forget`` is called for
@@ -100,7 +92,7 @@ class Node:
             self._token(entity, owner)
             sieve = Sieve()
             sieves.append(sieve)
-            key, take = wire.key(self.domain, name, wire.dds(kind)), self._heard(kind, sieve, heard, malformed)
+            key, take = wire.key(self.domain, name, wire.dds(kind)), self._heard(name, kind, sieve, heard)
             self._keep(self._listen(key, take) if latched else self._session.declare_subscriber(key, take), owner)
         return sieves
 
@@ -215,13 +207,11 @@ class Node:
                 self._found.pop(token, None)
             self.version += 1
 
-    def _heard(
-        self, kind: str, sieve: Sieve, heard: Heard, malformed: Callable[[], None]
-    ) -> Callable[["zenoh.Sample"], None]:
+    def _heard(self, name: str, kind: str, sieve: Sieve, heard: Heard) -> Callable[["zenoh.Sample"], None]:
         def take(sample: "zenoh.Sample") -> None:
             told = self._attached(sample.attachment)
             if told is None:
-                malformed()
+                self.unattached = name
             elif sieve.passes(told, self._clock.now()):
                 heard(kind, bytes(sample.payload))
 

@@ -268,7 +268,7 @@ class Requests:
                 return
             self._heard[name, kind] = node
         told = f"{kind}_FeedbackMessage"
-        node.subscribe(f"{name}/{FEEDBACK}", [told], self._fed_back, lambda: None)
+        node.subscribe(f"{name}/{FEEDBACK}", [told], self._fed_back)
 
     def _fed_back(self, kind: str, payload: bytes) -> None:
         try:

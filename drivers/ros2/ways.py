@@ -6,8 +6,7 @@ from typing import Any
 
 from drivers.api import DeviceStatus, JointLimits, JointState, Quality, Reading, Report
 from drivers.api.quick import dataclass
-from drivers.dynamixel.refusals import check_names
-from drivers.errors import BadRequest
+from drivers.dynamixel.refusals import narrowed
 from drivers.ros2 import wire
 from drivers.ros2.declared import JOINT
 from drivers.ros2.line import Channel
@@ -184,15 +183,8 @@ class Bounds:
 
     def curb(self, limits: Mapping[str, JointLimits]) -> Mapping[str, JointLimits]:
         """Narrow the limits of the named joints; see ``drivers.api.Curbed``."""
-        check_names(self._who, set(limits), self._joints)
-        found = {}
-        for name, wanted in limits.items():
-            widest = self._joints[name].limits
-            lower, upper = max(wanted.lower, widest.lower), min(wanted.upper, widest.upper)
-            found[name] = JointLimits(lower, upper, min(wanted.speed, widest.speed))
-            if not (lower < upper and found[name].speed > 0):
-                raise BadRequest(f"{self._who}: limits {wanted} of {name} leave nothing of {widest}")
-        self.limits = {**self.limits, **found}
+        widest = {name: joint.limits for name, joint in self._joints.items()}
+        self.limits = {**self.limits, **narrowed(self._who, limits, widest)}
         return self.limits
 
     def accept(self, goals: Mapping[str, float], now: float) -> dict[str, float]:

@@ -98,7 +98,7 @@ class Ros2Terminal:
         for place, device in enumerate(self.devices):
             for number, channel in enumerate(device.channels):
                 if channel.sends:  # the driver does
-                    node.subscribe(channel.topic, channel.kinds[:1], self._heard(device, number), lambda: None)
+                    node.subscribe(channel.topic, channel.kinds[:1], self._heard(device, number))
                 else:
                     self._senders[place, number] = node.publisher(channel.topic, channel.kinds[0])
         for serve in self.serving:

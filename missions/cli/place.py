@@ -122,7 +122,7 @@ def _here(config: RobotConfig, robot: str, router: str | None) -> Frame:
 
     with looking(robot, router, None) as node:
         for topic in ("/tf", f"{namespace}/tf", "/tf_static", f"{namespace}/tf_static"):
-            node.subscribe(topic, [TF], heard, lambda: None)
+            node.subscribe(topic, [TF], heard)
         for _ in range(round(PATIENCE / 0.1)):
             if (found := frames.here()) is not None:
                 return found

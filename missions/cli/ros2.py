@@ -127,7 +127,7 @@ def echo(topic: str, robot: str, router: str | None, domain: int | None, seconds
         if not known:
             what = f"{name}: its type {', '.join(kinds)} is not known" if kinds else f"nobody sends {name}"
             raise NotConnected(what, hint="`mission ros2 topics` lists what there is")
-        node.subscribe(name, known, lambda kind, payload: heard.append((kind, payload)), lambda: None)
+        node.subscribe(name, known, lambda kind, payload: heard.append((kind, payload)))
         end, clock = seconds, SystemClock()
         while clock.now() < end:
             _wait(min(0.1, seconds))
@@ -170,7 +170,7 @@ def capture(file: Path, robot: str, router: str | None, domain: int | None, seco
         wanted = {(each.name, each.kind) for each in node.entities(wire.PUBLISHER) if types().knows(each.kind)}
         for name, kind in wanted:
             if not kind.endswith(("Image", "CameraInfo")):
-                node.subscribe(name, [kind], keep(name), lambda: None)
+                node.subscribe(name, [kind], keep(name))
         _wait(seconds)
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
     click.echo(f"{file}: {len(lines)} lines")

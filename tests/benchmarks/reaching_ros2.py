@@ -79,7 +79,7 @@ def reached() -> list[float]:
             if types().decode(kind, payload).linear.x:
                 heard.set()
 
-        node.subscribe("/cmd_vel", TWISTS[:1], hear, lambda: None)
+        node.subscribe("/cmd_vel", TWISTS[:1], hear)
         while len(found) < COMMANDS:
             with suppress(NotConnected):  # on a machine so busy that its odometry fails to come
                 wheels.stop()

@@ -91,7 +91,7 @@ def test_a_run_is_told_as_topics_also_to_who_comes_later(router: Ros2Terminal, n
         def took(_: str, payload: bytes) -> None:
             heard.setdefault(name, []).append(types().values(types().decode(kind, payload)))
 
-        node.subscribe(name, [kind], took, lambda: None)
+        node.subscribe(name, [kind], took)
 
     for name in ("/mission/events", "/mission/tree", "/mission/variables"):
         hear(name, STRING)

@@ -103,7 +103,7 @@ class Keeper:
                 parse(ask.where)
             except ExpressionError as error:
                 return Answer(ok=False, why=str(error)[:300])
-        if len(self._kept.tasks(ended=False)) >= MOST_TASKS:
+        if len(self._kept.tasks()) >= MOST_TASKS:
             return Answer(ok=False, why=f"{MOST_TASKS} tasks wait already")
         wanted = {each.name: getattr(ask, each.name) for each in fields(ask) if each.name not in {"task", "by"}}
         kept = self._kept.add(KeptTask(id=ask.task, by=ask.by, added=self._wall(), **wanted))
@@ -170,7 +170,7 @@ class Keeper:
             self._heard(*self._answers.popleft(), now)
         if self.copied():
             return False
-        tasks = self._kept.tasks(ended=False)
+        tasks = self._kept.tasks()
         taken = {each.robot for each in tasks}
         members = self._roster.members()
         for task in tasks:

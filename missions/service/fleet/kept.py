@@ -92,10 +92,10 @@ class Kept:
         row = self._connection.execute("SELECT * FROM kept WHERE id = ?", (number,)).fetchone()
         return None if row is None else _task(row)
 
-    def tasks(self, *, ended: bool) -> list[KeptTask]:
-        """Return the tasks that are kept, the oldest first; those that have ended where that is asked for."""
-        which = "" if ended else " WHERE state NOT IN ('FINISHED', 'FAILED')"
-        return [_task(row) for row in self._connection.execute(f"SELECT * FROM kept{which} ORDER BY rowid")]  # noqa: S608
+    def tasks(self) -> list[KeptTask]:
+        """Return the tasks that are open, the oldest first."""
+        sql = "SELECT * FROM kept WHERE state NOT IN ('FINISHED', 'FAILED') ORDER BY rowid"
+        return [_task(row) for row in self._connection.execute(sql)]
 
     def newest(self, *, ended: bool, before: str = "") -> Iterator[KeptTask]:
         """Yield the tasks that are open, or that have ended, the newest first; those before the one of an ID."""

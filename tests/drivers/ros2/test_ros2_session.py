@@ -118,6 +118,22 @@ def test_with_its_router_gone_it_comes_to_rest_and_with_it_back_it_goes_on_by_it
 
 
 @pytest.mark.real_time
+def test_messages_without_attachments_are_not_heard_and_told_of(robot: Robot) -> None:
+    robot.open()
+    session = robot.terminal._session
+    payload = types().encode("std_msgs/msg/String", {"data": "hello"})
+    robot.graph.latest("bare")
+    robot.graph.node().subscribe("/tb4/bare", ["std_msgs/msg/String"], lambda *_: pytest.fail("it is heard"))
+
+    def told() -> bool:
+        session.put("0/tb4/bare/std_msgs::msg::dds_::String_/RIHS01_0", payload)
+        session.put("0/tb4/bare/std_msgs::msg::dds_::String_/RIHS01_0", payload, attachment=b"12345")
+        return any("/tb4/bare: its messages come without what rmw_zenoh attaches" in each.what for each in robot.told)
+
+    wait_until(told)
+
+
+@pytest.mark.real_time
 def test_without_a_router_it_says_where_it_looked_and_what_to_start(robot: Robot) -> None:
     robot.graph.open()
     wait_until(lambda: "no router of Zenoh answers" in robot.graph.health().detail)
