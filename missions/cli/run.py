@@ -7,7 +7,7 @@ from dataclasses import asdict
 from itertools import pairwise
 from math import inf, isfinite
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -24,6 +24,9 @@ from missions.executive.executive import Result
 from missions.hands.teleop import FIRST_PAD
 from missions.order import RunRequest, Simulate
 from missions.studio import ring
+
+if TYPE_CHECKING:
+    from missions.cli.announcing import Announcer
 
 
 def usual(
@@ -195,12 +198,8 @@ def command(
     """
     if speed is not None and not isfinite(speed):
         raise click.BadParameter(f"{speed} is no speed: give a number, such as 5", param_hint="--speed")
-    if (
-        simulate is None
-        and robot is None
-        and not on_robot
-        and (speed is not None or eyes == "truth" or film or until or physics)
-    ):
+    on_a_simulated_clock = speed is not None or eyes == "truth" or film or until or physics
+    if on_a_simulated_clock and simulate is None and robot is None and not on_robot:
         simulate = "fast"
     if view and as_json:
         raise click.UsageError("--view takes the whole terminal, --json leaves it to a program: one of them")
@@ -233,17 +232,19 @@ def command(
         mission=name,
         otherwise=not no_record and ring.wanted(simulated=order.simulation is not None),
     )
-    announcer = None
-    if ros2 or ros2_router is not None:
-        from missions.cli.announcing import announcer_of  # noqa: PLC0415 - few runs are told to ROS 2
-
-        announcer = announcer_of(robot, ros2_router, ros2_domain)
+    announcer = _announcer(robot, ros2_router, ros2_domain) if ros2 or ros2_router is not None else None
     outputs = Outputs(events, film, kept, view=view, leash=leash, announcer=announcer)
     if until is None and simulate == "fast" and speed is None:
         until = DEFAULT_DURATION
 
     with studio_beside(wanted=studio):
         return EXIT_CODES[_told(order, outputs, until, as_json=as_json).result]
+
+
+def _announcer(robot: str | None, router: str | None, domain: int | None) -> "Announcer":
+    from missions.cli.announcing import announcer_of  # noqa: PLC0415 - few runs are told to ROS 2
+
+    return announcer_of(robot, router, domain)
 
 
 def _told(order: RunRequest, outputs: Outputs, until: float | None, *, as_json: bool) -> Result:

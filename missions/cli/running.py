@@ -1,7 +1,7 @@
 """One run of a mission from a command: shown while it goes on, and what it leaves behind written."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
@@ -78,23 +78,8 @@ def run(
         end_process(result)
 
     tell_found(behaviour_files(order.mission, order.behaviours), order.behaviours)
-    # Reads and checks everything; nothing has been opened or written yet.
-    wish, pictures = outputs.record, Pictures()
-    recording = (
-        None if wish is None else Recording(wish, order, listeners=[watcher], give_up=give_up, pictures=pictures)
-    )
-    runner = (
-        Runner(
-            order,
-            listeners=[watcher],
-            give_up=give_up,
-            on_view=pictures.view,
-            on_frame=pictures.frame,
-            pad=pad_of(order),
-        )
-        if recording is None
-        else recording.runner
-    )
+    pictures = Pictures()
+    runner, recording = _made(order, outputs.record, watcher, give_up, pictures)
     check_pad(order, runner.plan)
     check_people(order, runner.plan)
     watcher.watch(runner.root)
@@ -115,13 +100,41 @@ def run(
             tell_unreachable(control)
             settle()
             result = runner.run()
-    if written := _written(outputs, recording, film) if result.reason != GONE else []:
-        with suppress(OSError):
-            click.echo(f"wrote {', '.join(written)}", err=True)
-    for lost in runner.stream.lost if result.reason != GONE else ():
-        with suppress(OSError):
-            click.echo(f"mission: not all events were told: {lost}", err=True)
+    if result.reason != GONE:
+        _tell_left(_written(outputs, recording, film), runner.stream.lost)
     return result
+
+
+def _made(
+    order: RunRequest,
+    wish: RecordWish | None,
+    watcher: Watcher,
+    give_up: Callable[[Result], None],
+    pictures: Pictures,
+) -> tuple[Runner, Recording | None]:
+    """Read and check everything, open and write nothing; return the run, and its recording where there is to be one."""
+    if wish is not None:
+        recording = Recording(wish, order, listeners=[watcher], give_up=give_up, pictures=pictures)
+        return recording.runner, recording
+    runner = Runner(
+        order,
+        listeners=[watcher],
+        give_up=give_up,
+        on_view=pictures.view,
+        on_frame=pictures.frame,
+        pad=pad_of(order),
+    )
+    return runner, None
+
+
+def _tell_left(files: Sequence[str], lost: Iterable[object]) -> None:
+    """Say what a run has left behind, and which events were not told; where nobody reads it, to nobody."""
+    with suppress(OSError):
+        if files:
+            click.echo(f"wrote {', '.join(files)}", err=True)
+    for each in lost:
+        with suppress(OSError):
+            click.echo(f"mission: not all events were told: {each}", err=True)
 
 
 def _written(outputs: Outputs, recording: Recording | None, film: "Film | None") -> list[str]:
