@@ -67,7 +67,7 @@ ABSENT = 0.12
 RECORDED = 0.06
 """The share of runs that are recorded; in half of them something happens to the recorder."""
 
-STOPPED = 0.2
+STOPPED = 0.3
 """The share of runs that are stopped in the midst of a command."""
 
 Record = Literal["", "kept", "killed", "full"]
@@ -159,8 +159,8 @@ def draw(seed: int) -> Weather:
         physics=_physics(chance),
         eyes="pixels" if chance.random() < 0.03 else "truth",
         limbs=chance.choice([1.0, 0.5, 0.2, 0.1, 0.1, 0.1]),
-        stop_for=chance.choice([1.0, 3.0]),
-        hangs=chance.choice([0.0, 0.0, 2.0]),
+        stop_for=chance.choice([1.0, 4.0, 4.0]),
+        hangs=chance.choice([0.0, 2.0, 2.0]),
         alone=chance.random() < 0.4,
     )
     config = weather.robot_config()
