@@ -63,12 +63,14 @@ class JointRanges:
         wrong: dict[str, str] = {}
         for pose in poses:
             for joint, angle in pose.items():
+                if joint in wrong:
+                    continue
                 limits = self.joints.get(joint)
                 if limits is None:
-                    wrong.setdefault(joint, self._no_joint(joint))
+                    wrong[joint] = self._no_joint(joint)
                 elif not limits.lower - SLACK <= angle <= limits.upper + SLACK:
                     ends = f"{degrees(limits.lower)} to {degrees(limits.upper)}"
-                    wrong.setdefault(joint, f"{joint} at {degrees(angle)} is outside its limits ({ends})")
+                    wrong[joint] = f"{joint} at {degrees(angle)} is outside its limits ({ends})"
         return list(wrong.values())
 
     def too_fast(self, speeds: Mapping[str, float]) -> list[str]:

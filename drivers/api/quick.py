@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from functools import cache
 from operator import attrgetter
 from reprlib import recursive_repr
+from types import CodeType, FunctionType
 from typing import TYPE_CHECKING, Any, cast
 
 __all__ = ["dataclass"]
@@ -79,34 +80,78 @@ def _thawed(bases: list[Any]) -> Iterator[None]:
 
 def _init(made: type, frozen: bool) -> Callable[..., None]:
     """Return an ``__init__`` that takes the fields in their order, those that are ``kw_only`` by their names."""
-    names: dict[str, object] = {"_set": object.__setattr__, "_none": dataclasses.MISSING}
+    fields = dataclasses.fields(made)
+    shape = tuple((_kind(field), field.kw_only) for field in fields)
+    names = {f"f{place}": field.name for place, field in enumerate(fields)}
+    scope: dict[str, object] = {"_set": object.__setattr__, "_none": dataclasses.MISSING}
+    taken: list[object] = []
+    named: dict[str, object] = {}
+    for place, field in enumerate(fields):
+        given: object = dataclasses.MISSING
+        if field.default_factory is not dataclasses.MISSING:
+            names[f"_new_f{place}"] = f"_new_{field.name}"
+            scope[f"_new_{field.name}"] = field.default_factory
+        elif (given := field.default) is not dataclasses.MISSING and not field.init:
+            names[f"_given_f{place}"] = f"_given_{field.name}"
+            scope[f"_given_{field.name}"] = given
+        if not field.init or (given is dataclasses.MISSING and "_new" not in _kind(field)):
+            continue
+        if field.kw_only:
+            named[field.name] = given
+        else:
+            taken.append(given)
+    code = _code(shape, frozen, hasattr(made, "__post_init__"))
+    code = code.replace(
+        co_varnames=tuple(names.get(name, name) for name in code.co_varnames),
+        co_names=tuple(names.get(name, name) for name in code.co_names),
+        co_consts=tuple(names.get(const, const) if isinstance(const, str) else const for const in code.co_consts),
+    )
+    init = FunctionType(code, scope, "__init__", tuple(taken) or None)
+    init.__kwdefaults__ = named or None
+    init.__annotations__ = {**{field.name: field.type for field in fields if field.init}, "return": None}
+    return init
+
+
+def _kind(field: dataclasses.Field[Any]) -> str:
+    """Return where the value of a field comes from."""
+    made_anew = "_new" if field.default_factory is not dataclasses.MISSING else ""
+    if field.init:
+        return f"taken{made_anew}"
+    return made_anew or ("_given" if field.default is not dataclasses.MISSING else "")
+
+
+@cache
+def _code(shape: tuple[tuple[str, bool], ...], frozen: bool, post_init: bool) -> CodeType:
+    """Return the code of an ``__init__`` for fields of such kinds, named ``f0``, ``f1``... to be named anew.
+
+    To compile takes ten times as long as to give names, and many classes are of one shape.
+    """
     taken: list[str] = []
     named: list[str] = []
     body: list[str] = []
-    annotations: dict[str, object] = {}
-    for field in dataclasses.fields(made):
-        name = value = field.name
-        made_anew = field.default_factory is not dataclasses.MISSING
-        if made_anew:
-            names[f"_new_{name}"] = field.default_factory
-            value = f"(_new_{name}() if {name} is _none else {name})" if field.init else f"_new_{name}()"
-        elif field.default is not dataclasses.MISSING:
-            names[f"_given_{name}"] = field.default
-            value = name if field.init else f"_given_{name}"
-        elif not field.init:
-            continue
-        if field.init:
-            default = "=_none" if made_anew else f"=_given_{name}" if f"_given_{name}" in names else ""
-            (named if field.kw_only else taken).append(name + default)
-            annotations[name] = field.type
+    for place, (kind, kw_only) in enumerate(shape):
+        name = f"f{place}"
+        match kind:
+            case "taken":
+                value = name
+            case "taken_new":
+                value = f"_new_{name}() if {name} is _none else {name}"
+            case "_new":
+                value = f"_new_{name}()"
+            case "_given":
+                value = f"_given_{name}"
+            case _:
+                continue
+        if kind.startswith("taken"):
+            (named if kw_only else taken).append(name)
         body.append(f" _set(self,{name!r},{value})" if frozen else f" self.{name}={value}")
-    if hasattr(made, "__post_init__"):
+    if post_init:
         body.append(" self.__post_init__()")
     parameters = ",".join(["self", *taken, *(["*", *named] if named else [])])
-    exec(f"def __init__({parameters}):\n" + "\n".join(body or [" pass"]), names)  # noqa: S102 - of names of fields
-    init = cast(Callable[..., None], names["__init__"])
-    init.__annotations__ = {**annotations, "return": None}
-    return init
+    scope: dict[str, Any] = {}
+    exec(f"def __init__({parameters}):\n" + "\n".join(body or [" pass"]), scope)  # noqa: S102 - of names of ours
+    code: CodeType = scope["__init__"].__code__
+    return code
 
 
 def _values(names: Iterable[str]) -> Values:
