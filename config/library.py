@@ -18,7 +18,7 @@ LISTED = ("missions", "robots", "worlds", "gestures", "controllers", "objects")
 
 DEFAULT_ROBOT = "turtlebot2_arm"
 DEFAULT_WORLD = "living_room"
-"""What is meant where nothing is named."""
+"""The robot and the world that are meant where none is named."""
 
 SUFFIXES = (".yaml", ".yml")
 
@@ -157,10 +157,10 @@ USES: Mapping[str, str] = {
     "objects": "write `find_object: {0}` in a mission",
     "records": "mission replay {0}",
 }
-"""What to type for a file of each kind."""
+"""The command, or the line of a mission, for a file of each kind."""
 
 RECORD = b"\x89MCAP0"
-"""What a record begins with."""
+"""The first bytes of a record."""
 
 BEGINNING = 65_536
 """Bytes in which the keys are looked for."""

@@ -98,7 +98,7 @@ _MEANT = {
     }.items()
     for word in words.split()
 }
-"""What people write for a unit, and how we write it."""
+"""Other spellings of units, and ours."""
 
 
 def quantity(text: str) -> Quantity | None:

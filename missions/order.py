@@ -21,7 +21,9 @@ Simulate = Literal["wire", "fast"]
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
-    """What to run, and on what: names as the user gives them. Without a ``robot`` the default one is simulated.
+    """A mission to run, and a robot to run it on: names as the user gives them.
+
+    Without a ``robot`` the default one is simulated.
 
     In simulated time ``speed`` is how many times faster than real time it goes at most, and ``eyes`` say whether
     pictures are drawn and searched ("pixels") or faces are known from the world ("truth").

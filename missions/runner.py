@@ -44,7 +44,7 @@ CLOSE_TIME = 3.0
 """Seconds that devices have to close when a run is given up while its main thread hangs."""
 
 PATIENT = Limits(slow=inf, stall=inf, fail=10.0)
-"""What holds in simulated time, by the clock on the wall: there is nothing to keep still, and a machine that was busy
+"""The limits in simulated time, by the clock on the wall: there is nothing to keep still, and a machine that was busy
 for half a second must not make two runs differ."""
 
 

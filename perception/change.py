@@ -1,4 +1,4 @@
-"""What a picture shows as a whole: edges and brightness; and the sense for motion, how much of it has changed.
+"""A picture as a whole: its edges and brightness; and the sense for motion, how much of it has changed.
 
 A covered lens and a blank wall have no edges, a room has. Motion is what has changed whatever the robot's head does.
 """

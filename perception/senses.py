@@ -13,7 +13,7 @@ P_co = TypeVar("P_co", bound=Percept, covariant=True)
 
 
 class Sense(Protocol[P_co]):
-    """One kind of percept. For one thread at a time."""
+    """A sense for one kind of percept. For one thread at a time."""
 
     def sense(self, frame: Frame, camera: Pinhole, gaze: Gaze | None) -> tuple[P_co, ...]:
         """Search the next frame, taken through ``camera`` that looked to ``gaze``; return what is followed now."""
@@ -22,7 +22,7 @@ class Sense(Protocol[P_co]):
 
 @runtime_checkable
 class Sparing(Protocol):
-    """What need not be shown every frame."""
+    """A sense that need not be shown every frame."""
 
     def spare(self, most: int) -> int:
         """Return how many of the next frames, up to ``most``, nobody needs to show it, and count them as shown."""
@@ -30,7 +30,7 @@ class Sparing(Protocol):
 
 
 class SceneSense(Protocol):
-    """What measures a picture as a whole. For one thread at a time."""
+    """A sense that measures a picture as a whole. For one thread at a time."""
 
     def measure(self, frame: Frame) -> Scene:
         """Return what the next frame shows as a whole."""
@@ -38,7 +38,7 @@ class SceneSense(Protocol):
 
 
 class Finder(Protocol):
-    """What finds faces from frame to frame: ``perception.finder.FaceFinder``."""
+    """A finder of faces from frame to frame: ``perception.finder.FaceFinder``."""
 
     def find(self, image: Image) -> Sequence[Sighting]:
         """Return the faces in the next frame."""

@@ -37,7 +37,7 @@ FIRST_RATE = 1.0
 """Standard deviation in rad/s of the rate before a second measurement, and of one that has become another."""
 
 JUMP = radians(4), radians(100)
-"""What is farther than so many radians, and rad/s, from where it was expected has jumped, unless it was known so badly
+"""An angle farther than so many radians, and rad/s, from where it was expected has jumped, unless it was known so badly
 that this is within ``UNSURE`` standard deviations. It begins anew there: a jump tells no rate."""
 
 UNSURE = 3.0
@@ -149,7 +149,7 @@ class Sighted(Protocol[P_co]):
 
     @property
     def kind(self) -> str:
-        """What it can be followed as: a track keeps its kind."""
+        """The kind of the track: it can only be followed as that."""
         ...
 
     def distance(self, camera: Pinhole) -> float:
@@ -179,7 +179,7 @@ class _Measured(Generic[P]):
 
 
 class _Track(Generic[P]):
-    """One thing over time, perhaps not confirmed yet (then its ``id`` is None)."""
+    """A thing over time, perhaps not confirmed yet (then its ``id`` is None)."""
 
     def __init__(self, measured: _Measured[P], stamp: float) -> None:
         self.id: int | None = None
@@ -203,7 +203,7 @@ class _Track(Generic[P]):
         return off <= gate and measured.sighting.kind == self.last.sighting.kind
 
     def update(self, measured: _Measured[P], stamp: float) -> None:
-        """It was seen again."""
+        """Take in that it was seen again."""
         after = max(0.0, stamp - self.stamp)
         before = self.last
         across = wrap(measured.yaw - measured.bearing - before.yaw + before.bearing)

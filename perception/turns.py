@@ -1,4 +1,4 @@
-"""What a whole picture is searched for, in turn, and which pictures show what was searched before.
+"""Searches of a whole picture, in turn, and which pictures show what was searched before.
 
 A search is for faces of one range of sizes, upright or leaning. A camera that stands in an empty room sees the same for
 hours.
@@ -16,7 +16,7 @@ from perception.light import Grey, cells
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """One search of a whole picture: for faces of a width between two shares of its longer side.
+    """A search of a whole picture: for faces of a width between two shares of its longer side.
 
     ``roll`` is by how much they lean to the right, in radians.
     """

@@ -26,7 +26,7 @@ OUTLIER = 9.0
 """A squared difference, in sigmas, counts no more than this: a person, a reflex or a wall has moved the base."""
 
 WEIGHT = 0.3
-"""What a report counts: those that follow each other within 20 ms do not err independently."""
+"""The weight of a report: those that follow each other within 20 ms do not err independently."""
 
 MEMORY = 500
 """Reports after which evidence has faded to a third."""
@@ -63,7 +63,7 @@ class Turning:
 
 
 class Lag:
-    """What a base was told, and how many ``seconds`` it takes to begin it; ``spread`` says how surely (one sigma).
+    """The commands of a base, and how many ``seconds`` it takes to begin one; ``spread`` says how surely (one sigma).
 
     ``acceleration`` (rad/s^2) is how quickly the base changes its turn. ``told`` is what the lag is believed to be.
     ``learnt`` says whether that is more than a guess, ``reports`` from how many it was learnt here.

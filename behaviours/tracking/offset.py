@@ -57,7 +57,7 @@ class Expected:
 
 
 class Shown:
-    """What pictures show, with nothing foreseen: how far off the camera's axis it was in the newest of them.
+    """The offset that pictures show, with nothing foreseen: how far off the camera's axis it was in the newest of them.
 
     The rates are how fast that changes from picture to picture.
     """

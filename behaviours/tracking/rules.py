@@ -59,7 +59,7 @@ INPUTS: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """One number out of some of the inputs that there are, picked by name and handed to a ``surface`` in that order."""
+    """A control law: a number out of some of the inputs, picked by name and handed to a ``surface`` in that order."""
 
     inputs: tuple[str, ...]
     surface: Callable[..., float]

@@ -147,11 +147,11 @@ def memberships(
 
 
 class Output(Protocol):
-    """What a controller asks of its output."""
+    """An output variable of a controller, with what is asked of it."""
 
     @property
     def name(self) -> str:
-        """What it is the output of."""
+        """The controller that it is the output of."""
         ...
 
     @property

@@ -1,4 +1,4 @@
-"""What all leaves that follow something have in common: the head first and the base behind it, or the base alone."""
+"""The base class of leaves that follow something: the head first and the base behind it, or the base alone."""
 
 import math
 from abc import abstractmethod

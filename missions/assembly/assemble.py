@@ -45,7 +45,7 @@ BY_HAND: Mapping[str, str] = {
     "screen": "missions.assembly.face:real_face",
     "camera": "missions.assembly.eyes:real_eyes",
 }
-"""What is more than its driver: what puts it together, called with the ``Place``, the section and the devices."""
+"""Parts that are more than a driver: what makes each, called with the ``Place``, the section and the devices."""
 
 
 class Place:

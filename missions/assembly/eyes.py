@@ -45,7 +45,7 @@ class WatchfulSight:
 
     @property
     def unasked(self) -> "WatchfulSight":
-        """What they see, for who does not count as somebody that asks."""
+        """The view of the eyes, for a reader that does not count as somebody who asks."""
         return WatchfulSight(self._sight, self._is_awake, self._is_awake)
 
     def faces(self) -> Sequence[Face]:

@@ -1,4 +1,4 @@
-"""What is installed of MissionTree: its version, and which of its extras are there."""
+"""The installed MissionTree: its version, and which of its extras are there."""
 
 import platform
 import re

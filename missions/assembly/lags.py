@@ -1,4 +1,4 @@
-"""What is learnt of a robot's delays, kept for its next run: a small file of JSON a robot.
+"""The learnt delays of a robot, kept for its next run: a small file of JSON a robot.
 
 It holds for the robot file from which it was learnt: with another port, lens or ramp, it is learnt anew.
 """

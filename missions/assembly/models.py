@@ -27,7 +27,7 @@ class FetchError(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """One file: its name, where it is published, its SHA-256 in hexadecimal and its size in bytes."""
+    """A model's file: its name, where it is published, its SHA-256 in hexadecimal and its size in bytes."""
 
     name: str
     summary: str

@@ -75,7 +75,7 @@ class SteppedEyes(Generic[T]):
 
 @dataclass(frozen=True, slots=True)
 class Glimpse:
-    """What a perfect detector would find in the picture taken at ``stamp``."""
+    """The percepts of a perfect detector in the picture taken at ``stamp``."""
 
     stamp: float
     scene: Scene

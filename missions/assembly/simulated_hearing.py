@@ -19,7 +19,7 @@ from perception.api import Words
 from perception.hearing.grammar import Grammar
 
 NEEDED = ("espeakng_loader", "pocketsphinx")
-"""What is imported to speak and to understand."""
+"""The modules that are imported to speak and to understand."""
 
 VOICES = {
     "anna": "en-us+f2",

@@ -1,4 +1,4 @@
-"""What perfect detectors would find in the simulated world: the truth behind the eyes of simulated time."""
+"""The percepts of perfect detectors in the simulated world: the truth behind the eyes of simulated time."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

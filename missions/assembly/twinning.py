@@ -39,7 +39,7 @@ SEEING_TIME = 0.03
 """Seconds from a picture to what it shows."""
 
 WHITE: Image = np.full((1, 1, 3), 255, np.uint8)
-"""What a camera takes for eyes that need no picture: covered, it is black."""
+"""The picture of a camera whose eyes need none: covered, it is black."""
 
 
 def twin_robot(

@@ -1,4 +1,4 @@
-"""What an expression makes, as far as that is known from what it reads, and whether that fits its place.
+"""Type inference of expressions, as far as their variables are known, and whether the type fits its place.
 
 Where its parts do not go together is found here too.
 """

@@ -71,7 +71,7 @@ NAMED = ("person", "place", "gesture", "move", MISSION, "file")
 """The types whose values are the names of something."""
 
 TYPES = (*UNITS, "text", "number", "count", "flag", "choice", *NAMED, LIST)
-"""What the ``type`` of a param in its long form may be."""
+"""The values of ``type`` of a param in its long form."""
 
 WRONG = object()
 """Stands for a default that was refused: what would come of it is no fault of its own."""
@@ -79,7 +79,7 @@ WRONG = object()
 
 @dataclass(frozen=True, slots=True)
 class ParamType:
-    """What a param is: ``kind`` is one of TYPES; ``of`` is the same, or the type of the members of a list.
+    """The type of a param: ``kind`` is one of TYPES; ``of`` is the same, or the type of the members of a list.
 
     A value, or a member, lies between ``low`` and ``high``, or is one of ``choices``, where there are some.
     """

@@ -1,4 +1,4 @@
-"""What the declarations of leaves say, in words: for the catalogue, the JSON Schema and the pages of docs."""
+"""The declarations of leaves in words: for the catalogue, the JSON Schema and the pages of docs."""
 
 import inspect
 import math

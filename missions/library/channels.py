@@ -11,7 +11,7 @@ TERMINAL = written(TerminalNotice())
 
 
 class Noticed(Protocol):
-    """What notices are made of: a ``missions.service.task.Task``."""
+    """A task, as far as its notices go: a ``missions.service.task.Task``."""
 
     @property
     def robot(self) -> str:

@@ -1,4 +1,4 @@
-"""What a mission looks for and listens for: a detector that nobody asks does not run."""
+"""The detectors and phrases that a mission asks for: a detector that nobody asks does not run."""
 
 from typing import TYPE_CHECKING
 

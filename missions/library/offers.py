@@ -1,4 +1,4 @@
-"""What other distributions offer by entry points, for what is read at each start of each command."""
+"""Entry points of other distributions, read quickly: each command looks at them as it starts."""
 
 import sys
 from collections.abc import Sequence

@@ -24,10 +24,10 @@ MAX_NAME_LENGTH = 60
 """Letters of a name: also of four bytes each they make the name of a folder."""
 
 JOINERS = "\u200c\u200d"
-"""What parts and joins letters in Persian and Indian names, and is not seen itself."""
+"""Invisible signs that part and join letters in Persian and Indian names."""
 
 WITHIN = frozenset(" -_'\u2019." + JOINERS)
-"""What a name may have beside letters, their marks and digits."""
+"""Signs of a name beside letters, their marks and digits."""
 
 
 class PeopleError(RuntimeError):
@@ -39,7 +39,7 @@ class PeopleError(RuntimeError):
 
 
 Told = Callable[[PeopleError], None]
-"""What hears of pictures that are left out."""
+"""A listener that hears of pictures that are left out."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from missions.library.vocabulary import found_beside
 HERE = Path(__file__).parents[1]
 
 TESTS = ".test.yaml"
-"""What the name of a file ends in that holds the tests of a mission."""
+"""The end of the name of a file with tests of a mission."""
 
 
 @cache

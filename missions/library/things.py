@@ -1,4 +1,4 @@
-"""What missions name and the library holds: gestures, other moves, gaits, controllers and objects, for leaves.
+"""Things that missions name and the library holds: gestures, other moves, gaits, controllers and objects, for leaves.
 
 What reads a kind of file is imported with the first of it: a mission names few kinds.
 """

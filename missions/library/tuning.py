@@ -1,4 +1,4 @@
-"""What may be changed of a robot while it runs, by its place in the robot file, and kept there: trims, limits, speeds.
+"""Values of a robot to be changed while it runs, by its place in the robot file, and kept there: trims, limits, speeds.
 
 A value goes by a name such as ``head.pan.trim``, ``base.max_speed`` or ``arm.joints.elbow.upper``, in SI units.
 """
@@ -19,7 +19,7 @@ LIMITS = ("lower", "upper")
 """The ends of ``limits``."""
 
 SAME = radians(0.001)
-"""What differs by less is the same value."""
+"""Values that differ by less are the same."""
 
 
 def filed(robot: RobotConfig) -> dict[str, tuple[float, str]]:

@@ -45,7 +45,7 @@ TAKEN = frozenset({*BRANCHES, *MODIFIERS, *BESIDE, *KEYS})
 """Words that mean something else in missions."""
 
 PREFIX = "missiontree_behaviours."
-"""What the names of modules that come from files begin with."""
+"""The prefix of the names of modules that come from files."""
 
 KINDS = frozenset({*UNITS, *WRITTEN, "name", "gesture", "move", "gait", "controller"})
 """The kinds of arguments."""

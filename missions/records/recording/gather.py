@@ -1,4 +1,4 @@
-"""What stands at the beginning of a record: which files a run was made of, and on what."""
+"""The beginning of a record: which files a run was made of, and on what."""
 
 import hashlib
 import json
@@ -24,11 +24,11 @@ from missions.views.pictures.tree_json import to_json
 from perception.faults import MAX_MODEL
 
 KINDS = ("mission", "world", "gesture", "gait", "controller", "object", "move", "robot")
-"""What the files of a run are, by the first of these words that stands in one as a key."""
+"""The kinds of files of a run: the first of these words that stands in one as a key."""
 
 
 class Asked(Protocol):
-    """What was asked for, as far as a record tells of it: a ``missions.order.RunRequest``."""
+    """A request to run, as far as a record tells of it: a ``missions.order.RunRequest``."""
 
     @property
     def mission(self) -> str:
@@ -47,7 +47,7 @@ class Asked(Protocol):
 
     @property
     def seed(self) -> int:
-        """What chance comes from."""
+        """The seed of chance."""
         ...
 
     @property
@@ -62,7 +62,7 @@ class Asked(Protocol):
 
     @property
     def world_name(self) -> str:
-        """What a simulated robot stands in; empty for one that moves."""
+        """The world that a simulated robot stands in; empty for one that moves."""
         ...
 
 
