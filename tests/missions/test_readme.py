@@ -115,10 +115,14 @@ PACED = "run to_and_fro.yaml --json"
 
 
 def hurried(line: str) -> list[str]:
-    """Return the words of a command; a run that says nothing of time or of metal is given simulated time."""
+    """Return the words of a command; a run that says nothing of time or of metal is given simulated time.
+
+    One that shows what params are for needs no pictures.
+    """
     simulated = line.startswith(("run ", "motion ")) and not line.startswith(PACED)
     own = {"--simulate", "--speed", "--eyes", "--robot", "--camera", "--film"} & set(line.split())
-    return [*words(line), *(["--simulate", "fast"] if simulated and not own else [])]
+    hurry = ["--simulate", "fast"] if simulated and not own else []
+    return [*words(line), *hurry, *(["--eyes", "truth"] if simulated and "--param" in line else [])]
 
 
 def alone(line: str) -> ParameterSet:
