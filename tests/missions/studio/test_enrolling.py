@@ -26,8 +26,6 @@ from tests.missions.command import Process
 from tests.missions.studio.page import Page
 from tests.missions.studio.serving import studio
 
-pytestmark = pytest.mark.real_time
-
 FACING = """
 mission: facing
 tree:
@@ -38,6 +36,7 @@ tree:
 """
 
 
+@pytest.mark.real_time
 def test_somebody_is_known_once_the_camera_of_a_run_has_seen_them(browser: Browser, tmp_path: Path) -> None:
     mission = tmp_path / "facing.yaml"
     mission.write_text(FACING, encoding="utf-8")
@@ -59,6 +58,7 @@ def test_somebody_is_known_once_the_camera_of_a_run_has_seen_them(browser: Brows
         process.end()
 
 
+@pytest.mark.real_time
 def test_somebody_is_known_by_the_camera_of_the_browser(tmp_path: Path) -> None:
     film = tmp_path / "face.mjpeg"
     camera = Renderer(World(people=(Person("p", "anna", x=0.7),)), Pinhole(640, 480, radians(60)), noise=2.0)

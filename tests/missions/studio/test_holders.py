@@ -96,7 +96,6 @@ def test_a_movement_of_the_arm_is_latched_until_it_is_ended(tmp_path: Path, caps
         assert process.process.wait(20.0) == 130
 
 
-@pytest.mark.real_time
 def test_a_run_that_hangs_is_known_by_its_name_and_told_with_what_to_type(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

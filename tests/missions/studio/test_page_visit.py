@@ -1,6 +1,7 @@
 """A first visit to the studio, as a person makes it: by the link, a mission from its form, and its record."""
 
 import json
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -100,26 +101,41 @@ def test_the_report_of_a_strangers_record_is_read_and_is_no_part_of_the_studio(
     ]  # fmt: skip
 
 
-def test_two_records_are_compared_and_one_slider_moves_both(browser: Browser) -> None:
-    records = records_folder()
-    records.mkdir(parents=True, exist_ok=True)
+@pytest.fixture
+def kept(served: Served, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Path], Path]]:
+    """Have files for the studio that tests share, until the test is over."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(served.state))
+    found: list[Path] = []
+
+    def keep(path: Path) -> Path:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        found.append(path)
+        return path
+
+    yield keep
+    for path in found:
+        path.unlink()
+
+
+def test_two_records_are_compared_and_one_slider_moves_both(
+    browser: Browser, served: Served, kept: Callable[[Path], Path]
+) -> None:
     one, other = items(), [each for each in items() if each.t < FAILED or not isinstance(each, NodeChanged)]
-    write(records / "monday.mcap", one)
-    write(records / "tuesday.mcap", other, head=replace(WHERE, seed=4711))
-    with studio() as served:
-        tab = (page := Page(browser, served, view="#records/monday.mcap/tuesday.mcap")).tab
-        page.wait_for("They first decide differently at drive, line 2.", "did not get there", "5.0 s: failure", "4711")
-        slider = tab.find("slider", "Time")  # there is one
-        clocks = "[...document.querySelectorAll('.record .clock')].map((each) => each.textContent.split(' of ')[0])"
-        slider.focus()
-        tab.press("Home")
-        wait_until(lambda: tab.evaluate(clocks) == ["0.0 s", "0.0 s"])
-        page.press("Go there")
-        wait_until(lambda: tab.evaluate(clocks) == ["5.0 s", "5.0 s"])
-        wait_until(lambda: tab.evaluate("document.querySelectorAll('.record .node.failure').length") == 2)
-        with served.client(served.viewer) as viewer:
-            assert viewer.ask("compare", name="monday.mcap", other="none")["error"] == "no_such_record"
-        assert tab.errors == []
+    write(kept(records_folder() / "monday.mcap"), one)
+    write(kept(records_folder() / "tuesday.mcap"), other, head=replace(WHERE, seed=4711))
+    tab = (page := Page(browser, served, view="#records/monday.mcap/tuesday.mcap")).tab
+    page.wait_for("They first decide differently at drive, line 2.", "did not get there", "5.0 s: failure", "4711")
+    slider = tab.find("slider", "Time")  # there is one
+    clocks = "[...document.querySelectorAll('.record .clock')].map((each) => each.textContent.split(' of ')[0])"
+    slider.focus()
+    tab.press("Home")
+    wait_until(lambda: tab.evaluate(clocks) == ["0.0 s", "0.0 s"])
+    page.press("Go there")
+    wait_until(lambda: tab.evaluate(clocks) == ["5.0 s", "5.0 s"])
+    wait_until(lambda: tab.evaluate("document.querySelectorAll('.record .node.failure').length") == 2)
+    with served.client(served.viewer) as viewer:
+        assert viewer.ask("compare", name="monday.mcap", other="none")["error"] == "no_such_record"
+    assert tab.errors == []
 
 
 def test_a_record_too_large_for_a_report_says_what_to_type(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -165,15 +181,17 @@ def test_a_task_that_needs_approval_is_approved(browser: Browser, served: Served
     page.wait_for("The queue is empty.")
 
 
-def test_what_the_doctor_found_last_stands_beside_the_missions(browser: Browser) -> None:
+def test_what_the_doctor_found_last_stands_beside_the_missions(
+    browser: Browser, served: Served, kept: Callable[[Path], Path]
+) -> None:
     what = f"10.1 V is little {HOSTILE}"
     ailing = {"part": "arm", "about": "elbow", "what": what, "verdict": "warning", "cure": "charge the battery"}
-    checkup_file().parent.mkdir(parents=True, exist_ok=True)
-    checkup_file().write_text(json.dumps({"at": "2026-11-23T14:05:09", "robot": "my_kit", "ailing": [ailing]}))
-    with studio() as served:
-        page = Page(browser, served)
-        page.wait_for("mission doctor, 2026-11-23 14:05, my kit:", "warning: arm, elbow", "10.1 V is little")
-        page.wait_for("<img src=x", "Try: charge the battery")
+    kept(checkup_file()).write_text(
+        json.dumps({"at": "2026-11-23T14:05:09", "robot": "my_kit", "ailing": [ailing]}), encoding="utf-8"
+    )
+    page = Page(browser, served)
+    page.wait_for("mission doctor, 2026-11-23 14:05, my kit:", "warning: arm, elbow", "10.1 V is little")
+    page.wait_for("<img src=x", "Try: charge the battery")
 
 
 def test_who_is_to_be_known_needs_a_name_and_a_run_with_a_camera(browser: Browser, served: Served) -> None:

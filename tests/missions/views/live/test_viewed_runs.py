@@ -7,8 +7,6 @@ import re
 import select
 import signal
 import struct
-import subprocess
-import sys
 import termios
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -16,9 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.forked import Forked
 from tests.waiting import wait_until
-
-pytestmark = pytest.mark.real_time
 
 LONG = 90.0
 """Seconds that anything may take: machines are shared."""
@@ -30,21 +27,24 @@ SIZES = ("COLUMNS", "LINES")
 class Screen:
     """A terminal with a run on it. ``text`` is all that was written there."""
 
-    def __init__(self, result: Path, *, speed: float) -> None:
+    def __init__(self, result: Path, *, speed: float, patience: str) -> None:
         self.text = ""
         self.result = result
         self.master, slave = pty.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
         self.slave = slave
         self.before = termios.tcgetattr(slave)
-        environment = {name: value for name, value in os.environ.items() if name not in SIZES}
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "tests.missions.views.live.viewed_run", str(result), str(speed)],
-            stdin=slave,
-            stdout=slave,
-            stderr=slave,
-            env={**environment, "TERM": "xterm-256color"},
-        )
+        with pytest.MonkeyPatch.context() as patch:
+            for name in SIZES:
+                patch.delenv(name, raising=False)
+            patch.setenv("TERM", "xterm-256color")
+            self.process = Forked(
+                "tests.missions.views.live.viewed_run",
+                *(str(result), str(speed), *patience.split()),
+                stdin=slave,
+                stdout=slave,
+                stderr=slave,
+            )
 
     def read(self) -> str:
         """Return all that was written there, up to now."""
@@ -72,7 +72,7 @@ class Screen:
         """Wait until the run has ended; return its exit code."""
         wait_until(lambda: (self.read(), self.process.poll() is not None)[1], LONG)
         self.read()
-        return self.process.returncode
+        return self.process.wait()
 
     def viewer(self) -> int:
         """Return the process that draws."""
@@ -101,8 +101,8 @@ Begin = Callable[..., Screen]
 def begin(tmp_path: Path) -> Iterator[Begin]:
     screens: list[Screen] = []
 
-    def begin(speed: float = 1.0) -> Screen:
-        screens.append(Screen(tmp_path / "result", speed=speed))
+    def begin(speed: float = 1.0, patience: str = str(LONG)) -> Screen:
+        screens.append(Screen(tmp_path / "result", speed=speed, patience=patience))
         return screens[-1]
 
     yield begin
@@ -173,9 +173,10 @@ def test_ctrl_c_ends_the_run_as_ever_and_once_more_does_no_harm(begin: Begin) ->
     assert termios.tcgetattr(screen.slave) == screen.before
 
 
+@pytest.mark.real_time
 @pytest.mark.timeout(400)
 def test_a_terminal_that_takes_nothing_holds_up_no_tick(begin: Begin) -> None:
-    screen = begin(speed=3.0)
+    screen = begin(speed=3.0, patience="")
     wait_until(screen.result.exists, LONG)
     assert screen.result.read_text() == "success: "
     assert screen.end() == 0

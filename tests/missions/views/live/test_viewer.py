@@ -60,7 +60,6 @@ class Text:
         return self._bytes.decode("utf-8", "replace")
 
 
-@pytest.mark.real_time
 def test_without_unicode_all_signs_are_ascii_and_a_view_ends_with_its_run() -> None:
     changed = {"1": ["running", "ünseen", 0.0]}
     surroundings = {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
@@ -78,7 +77,6 @@ def test_without_unicode_all_signs_are_ascii_and_a_view_ends_with_its_run() -> N
         assert text.read().isascii()
 
 
-@pytest.mark.real_time
 def test_a_view_that_does_not_read_makes_nobody_wait_and_gets_whole_messages_later() -> None:
     fed = Fed()
     viewer = Viewer(fed.feed, {"long": "x" * 2_000_000})
@@ -122,7 +120,6 @@ def test_there_is_no_view_without_a_terminal(monkeypatch: pytest.MonkeyPatch) ->
     os.close(master)
 
 
-@pytest.mark.real_time
 def test_what_is_printed_meanwhile_is_kept_back_and_comes_in_the_end() -> None:
     master, slave = pty.openpty()
     text = Text(master)
@@ -157,8 +154,8 @@ def test_the_process_of_a_view_loads_nothing_of_a_robot() -> None:
     assert ran.stdout == "set()\n"
 
 
-@pytest.mark.real_time
-def test_ctrl_c_while_a_view_loads_is_the_run_s_to_hear() -> None:
+def test_ctrl_c_while_a_view_loads_is_the_run_s_to_hear(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("missions.views.live.viewer.FAREWELL", 90.0)
     master, slave = pty.openpty()
     viewer = Viewer(Fed().feed, dict(first()), keys=slave, screen=slave)
     viewer.open()

@@ -1,6 +1,7 @@
 """A run with a view, as a program of its own: what ``mission run --view`` does, on its own controlling terminal.
 
-Its arguments are a file, into which it writes how the run ended before anything is said of it, and a speed.
+Its arguments are a file, into which it writes how the run ended before anything is said of it, a speed, and, where that
+is not to be as ever, for how many seconds it waits for the terminal and for the process of the view.
 """
 
 import fcntl
@@ -13,10 +14,13 @@ from missions.cli.live import Watcher
 from missions.cli.viewing import LiveView
 from missions.order import RunRequest
 from missions.runner import Runner
+from missions.views.live import terminal, viewer
 
 
-def main(result: Path, speed: float) -> int:
+def main(result: Path, speed: float, patience: float | None = None) -> int:
     """Run greet; return the exit code of the command."""
+    if patience is not None:
+        terminal.WRITE_TIMEOUT = viewer.FAREWELL = patience
     os.setsid()
     fcntl.ioctl(0, termios.TIOCSCTTY, 0)
     runner = Runner(RunRequest("greet", simulate="fast", eyes="truth", speed=speed))
@@ -31,4 +35,4 @@ def main(result: Path, speed: float) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1]), float(sys.argv[2])))
+    sys.exit(main(Path(sys.argv[1]), *map(float, sys.argv[2:])))
