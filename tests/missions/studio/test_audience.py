@@ -7,9 +7,10 @@ import pytest
 
 from drivers.clock import ManualClock
 from missions.studio.audience import IDLE, MOVING, Audience
+from tests.cases import each
 
 
-@pytest.mark.parametrize(
+@each(
     ("news", "pause"),
     [
         ({"pose": [0.1, 0.0, 0.0]}, MOVING),

@@ -27,6 +27,7 @@ from missions.studio.messages import protocol
 from missions.studio.reading import COMMANDS
 from missions.studio.serving import MOST_CONNECTIONS, Place
 from missions.studio.tokens import keep_tokens, kept_tokens
+from tests.cases import each
 from tests.missions.command import command
 from tests.missions.studio.proxy import proxy
 from tests.missions.studio.running import DRIVING, run_of
@@ -65,7 +66,7 @@ def test_all_routes_are_known_here() -> None:
     assert [getattr(route, "path", "") for route in routes()] == list(ROUTES)
 
 
-@pytest.mark.parametrize("path", ROUTES.values())
+@each("path", ROUTES.values())
 def test_no_route_is_open_to_who_shows_no_token_or_a_wrong_one(served: Served, path: str) -> None:
     assert served.get(path)[0] == 401
     assert served.get(path, Cookie=f"missiontree_{served.port}=wrong")[0] == 401
@@ -73,7 +74,7 @@ def test_no_route_is_open_to_who_shows_no_token_or_a_wrong_one(served: Served, p
     assert served.get(f"{path}?token=wrong")[0] in (403, 429)
 
 
-@pytest.mark.parametrize("path", ROUTES.values())
+@each("path", ROUTES.values())
 def test_no_route_is_open_by_another_name_or_from_another_page(served: Served, path: str) -> None:
     cookie = served.cookie(served.operator)
     for host in ("evil.example", f"evil.example:{served.port}", "127.0.0.1.evil.example", f"a@{served.host}", ""):
@@ -187,7 +188,7 @@ def test_an_old_page_is_asked_to_reload(served: Served) -> None:
         assert client.hear(bool)["error"] == "old_page"
 
 
-@pytest.mark.parametrize(
+@each(
     ("message", "error"),
     [
         ("{", "no_json"),

@@ -4,9 +4,8 @@ import re
 from itertools import product
 from pathlib import Path
 
-import pytest
-
 from missions.studio.studio import PAGE
+from tests.cases import each
 
 FILES = sorted(PAGE.iterdir())
 MOST_BYTES = 165_000
@@ -16,7 +15,7 @@ def test_the_page_is_small() -> None:
     assert sum(path.stat().st_size for path in FILES) < MOST_BYTES
 
 
-@pytest.mark.parametrize("path", [path for path in FILES if path.suffix == ".js"], ids=lambda path: path.name)
+@each("path", [path for path in FILES if path.suffix == ".js"])
 def test_no_script_makes_markup_or_scripts_of_texts(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     assert not re.search(
@@ -63,7 +62,7 @@ PAIRS = (
 )
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@each("scheme", ["light", "dark"])
 def test_texts_are_readable_by_day_and_by_night(scheme: str) -> None:
     found = colours(scheme) | {"white": (1.0, 1.0, 1.0)}
     pairs = (*PAIRS, ("white", "red"))

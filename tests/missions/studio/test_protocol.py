@@ -11,6 +11,7 @@ from missions.studio.form import BadMessage, members, written
 from missions.studio.messages import ERRORS, MESSAGES, Answer, Over, line_of, protocol
 from missions.studio.reading import COMMANDS, read_command
 from missions.studio.wishes import Start
+from tests.cases import each
 
 SCHEMA: Any = protocol()
 
@@ -19,9 +20,7 @@ def test_the_schema_is_one() -> None:
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
 
 
-@pytest.mark.parametrize(
-    "message", [Answer(id=3, ok=True, result={"run": "1"}), Over(run="1", result="", reason="", seconds=2.0)]
-)
+@each("message", [Answer(id=3, ok=True, result={"run": "1"}), Over(run="1", result="", reason="", seconds=2.0)])
 def test_what_is_said_is_what_the_schema_describes(message: object) -> None:
     jsonschema.validate(json.loads(line_of(message)), SCHEMA)
 
@@ -37,7 +36,7 @@ def test_a_command_comes_back_as_it_was_written() -> None:
     assert read_command(json.dumps(written(start, "do"))) == start
 
 
-@pytest.mark.parametrize(
+@each(
     ("line", "error", "said"),
     [
         ("{", "no_json", "no JSON"),
@@ -69,7 +68,7 @@ def test_what_is_no_command_is_refused_by_name(line: str, error: str, said: str)
     assert error in ERRORS
 
 
-@pytest.mark.parametrize("line", ['{"do": "stop", "id": %s}', '{"do": "start", "mission": "x", "params": {"a": %s}}'])
+@each("line", ['{"do": "stop", "id": %s}', '{"do": "start", "mission": "x", "params": {"a": %s}}'])
 def test_however_deep_a_command_is_it_is_refused_by_name(line: str) -> None:
     for depth in range(850, 1050):
         with pytest.raises(BadMessage):
@@ -82,7 +81,7 @@ def test_a_near_miss_is_asked_about() -> None:
     assert refused.value.hint == "did you mean 'stop'?"
 
 
-@pytest.mark.parametrize("kind", [*COMMANDS.values(), *MESSAGES.values()], ids=lambda kind: kind.word)
+@each("kind", [*COMMANDS.values(), *MESSAGES.values()])
 def test_every_member_has_a_type_in_the_schema(kind: Any) -> None:
     assert kind.__doc__
     side = "commands" if kind.word in COMMANDS else "messages"

@@ -26,6 +26,7 @@ from missions.records.report.papers import draw
 from missions.records.report.study import study
 from missions.records.report.summary import sentences
 from missions.views.pictures.tree_json import to_json as drawing_to_json
+from tests.cases import each
 from tests.missions.records.recording.test_hostile_files import about
 from tests.missions.records.recording.test_hostile_files import write as write_foreign
 from tests.missions.records.report.told_record import DRAWING, WHERE, items, write
@@ -105,9 +106,7 @@ def test_the_energy_of_a_servo_that_no_robot_file_names_is_not_known(tmp_path: P
     assert (found.energy, found.load) == (None, 0.5)
 
 
-@pytest.mark.parametrize(
-    "state", [AT_REST, replace(waves(1.0), torque=False), replace(waves(1.0), goal=nan)], ids=["idle", "limp", "nan"]
-)
+@each("state", [AT_REST, replace(waves(1.0), torque=False), replace(waves(1.0), goal=nan)])
 def test_a_joint_without_a_goal_and_a_limp_one_have_no_error(tmp_path: Path, state: JointState) -> None:
     found = figures(record_of(tmp_path, elbow=lambda _: state))
     assert all((each.rms, each.worst, each.samples) == (None, None, 0) for each in found.values())
@@ -181,13 +180,13 @@ def foreign(tmp_path: Path, joints: Iterable[tuple[str, dict[str, Any]]]) -> Rec
     return open_record(write_foreign(tmp_path / "foreign.mcap", [about(), *said], {"tree.json": tree}))
 
 
-@pytest.mark.parametrize("value", [1e308, -1e308, "nan", "inf", "-inf", 1e18])
-@pytest.mark.parametrize("word", ["position", "velocity", "goal", "load", "temperature"])
+@each("value", [1e308, -1e308, "nan", "inf", "-inf", 1e18])
+@each("word", ["position", "velocity", "goal", "load", "temperature"])
 def test_numbers_that_no_joint_has_are_left_out(tmp_path: Path, word: str, value: object) -> None:
     assert figures(foreign(tmp_path, [("elbow", {word: value}), ("wrist", {})])).keys() == {"wrist"}
 
 
-@pytest.mark.parametrize("value", ["far", [], {}, 10**400, None])
+@each("value", ["far", [], {}, 10**400, None])
 def test_what_is_no_number_is_told(tmp_path: Path, value: object) -> None:
     record = foreign(tmp_path, [("elbow", {"position": value})])
     with pytest.raises(InvalidRecordError, match="holds what this MissionTree does not understand"):

@@ -12,6 +12,7 @@ from missions.records.report.page import page
 from missions.records.report.study import Study, study
 from missions.views.pictures.drawing import SIGNS
 from tests.browser import Browser, Tab
+from tests.cases import each
 from tests.missions.records.replay.written import record_of
 from tests.missions.views.pictures.drawn import HOSTILE
 from tests.missions.views.pictures.test_document import Reader
@@ -172,9 +173,7 @@ def test_without_a_script_the_end_of_the_run_is_to_be_read(browser: Browser, fil
     assert not tab.all("slider")
 
 
-@pytest.mark.parametrize(
-    ("size", "dark"), [((390, 844), False), ((768, 1024), False), ((1600, 1000), True), ((390, 844), True)]
-)
+@each(("size", "dark"), [((390, 844), False), ((768, 1024), False), ((1600, 1000), True), ((390, 844), True)])
 def test_it_fits_phones_and_desks_by_day_and_by_night(
     browser: Browser, file: Path, size: tuple[int, int], dark: bool
 ) -> None:

@@ -3,8 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
 from missions.executive.events import Ended, FaultRaised, NodeChanged
 from missions.executive.tick_record import TickRecord
 from missions.records.recording.items import Missed, Picture, Seen
@@ -15,6 +13,7 @@ from missions.records.report.summary import faults, sentences, verdict
 from missions.records.report.tables import faults_table, log_table
 from missions.views.words import about, about_all, in_words
 from perception.api import UNKNOWN, Marker, Scene, Thing
+from tests.cases import each
 from tests.missions.records.report.told_record import WHERE, Item, face, items, write
 from tests.missions.views.pictures.drawn import HOSTILE
 
@@ -122,7 +121,7 @@ def test_percepts_are_called_by_name_where_they_have_one() -> None:
     assert about_all([]) == "nothing found"
 
 
-@pytest.mark.parametrize(
+@each(
     ("value", "words"),
     [
         (True, "yes"),

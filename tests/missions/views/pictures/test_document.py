@@ -16,6 +16,7 @@ from missions.views.pictures.page.document import PAGE, document, without_assets
 from missions.views.pictures.page.markup import Markup, join, start, tag
 from missions.views.pictures.page.page import page
 from missions.views.pictures.page.pair import pair_page
+from tests.cases import each
 from tests.missions.views.pictures.drawn import DRAWINGS, HOSTILE
 
 
@@ -85,7 +86,7 @@ def test_a_golden_page_has_the_names_of_its_assets_in_their_place() -> None:
     assert len(golden) < 1000
 
 
-@pytest.mark.parametrize("text", [HOSTILE, "</script><script>alert(1)</script>", "<!--<script>", "\u2028"])
+@each("text", [HOSTILE, "</script><script>alert(1)</script>", "<!--<script>", "\u2028"])
 def test_data_cannot_end_its_element(text: str) -> None:
     read = Reader(document("A title", Markup(""), data={text: [text]}))
     assert [attributes.get("id") for tag, attributes in read.tags if tag == "script"] == ["data", None]

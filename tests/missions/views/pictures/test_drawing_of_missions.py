@@ -2,14 +2,13 @@
 
 from pathlib import Path
 
-import pytest
-
 from behaviours.catalogue import LEAVES
 from drivers.clock import ManualClock
 from missions.language.nodes import BRANCHES, MISSION
 from missions.library.shipped import load_mission, shipped_missions
 from missions.views.pictures.draw import ACTION, CONDITION, at, drawing_of, folded, legend, one_line
 from missions.views.pictures.drawing import Box, Drawing, Now
+from tests.cases import each
 from tests.missions.views.pictures.drawn import downwards, keys_and_lines, plan_of, ready
 
 
@@ -18,7 +17,7 @@ def box(drawing: Drawing, kind: str) -> Box:
     return next(box for box in drawing.root.walk() if box.kind == kind)
 
 
-@pytest.mark.parametrize("name", shipped_missions())
+@each("name", shipped_missions())
 def test_a_drawing_has_the_keys_and_lines_of_the_nodes_that_run(name: str) -> None:
     plan = load_mission(name)
     root, _ = ready(plan, ManualClock())
@@ -33,7 +32,7 @@ def test_arguments_are_as_the_file_has_them_and_in_its_order() -> None:
     ]
 
 
-@pytest.mark.parametrize(
+@each(
     ("tree", "arguments"),
     [
         ("say: Hello", {"text": "Hello"}),

@@ -3,13 +3,13 @@
 from pathlib import Path
 from unicodedata import category
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib import get_data_path
 from matplotlib.ft2font import FT2Font, LoadFlags
 
 from missions.views.pictures.measure import cut, packed, width
+from tests.cases import each
 
 FONTS = {
     bold: FT2Font(str(Path(get_data_path()) / "fonts" / "ttf" / name))
@@ -24,19 +24,19 @@ def taken(text: str, *, bold: bool) -> float:
     return sum(glyph.horiAdvance for glyph in glyphs) / font.units_per_EM
 
 
-@pytest.mark.parametrize("bold", [False, True])
+@each("bold", [False, True])
 def test_the_table_is_that_of_the_font(bold: bool) -> None:
     for letter in map(chr, range(32, 127)):
         assert taken(letter, bold=bold) <= width(letter, 1.0, bold=bold) < taken(letter, bold=bold) + 0.001, letter
 
 
-@pytest.mark.parametrize("bold", [False, True])
+@each("bold", [False, True])
 def test_the_signs_of_our_pictures_have_room(bold: bool) -> None:
     for text in (*"○▶✓✗→⇉¹↻⇄▣◇■≠…°·äßéñøΩ", "Здравствуйте, как дела", "Καλημέρα σας"):
         assert taken(text, bold=bold) <= width(text, 1.0, bold=bold), text
 
 
-@pytest.mark.parametrize("bold", [False, True])
+@each("bold", [False, True])
 def test_no_letter_of_latin_greek_or_russian_takes_more_than_is_reckoned(bold: bool) -> None:
     blocks = (range(0xA0, 0x250), range(0x370, 0x400), range(0x400, 0x460))
     letters = [chr(number) for block in blocks for number in block if FONTS[bold].get_char_index(number)]

@@ -16,6 +16,7 @@ from missions.views.pictures.page.pair import pair_page
 from missions.views.pictures.style import STYLE
 from missions.views.pictures.svg import svg
 from tests.browser import Browser, Tab, chromium
+from tests.cases import each
 from tests.missions.views.pictures.drawn import HOSTILE, plan_of
 from tests.waiting import wait_until
 
@@ -54,7 +55,7 @@ def shown(browser: Browser, file: Path, html: str, *, dark: bool = False, script
     return browser.open(file, dark=dark, script=script)
 
 
-@pytest.mark.parametrize("sort", ["mission", "moment", "pair"])
+@each("sort", ["mission", "moment", "pair"])
 def test_a_page_asks_for_nothing_but_itself(browser: Browser, file: Path, sort: str) -> None:
     tab = shown(browser, file, page_of(sort))
     assert tab.requests == [file.as_uri()]
@@ -74,7 +75,7 @@ def test_the_browser_would_have_seen_a_request(browser: Browser, file: Path) -> 
     assert any("ERR_NAME_NOT_RESOLVED" in error for error in tab.errors)
 
 
-@pytest.mark.parametrize(
+@each(
     "attempt",
     [
         "new Image().src = 'http://example.com/x.png'",
@@ -115,7 +116,7 @@ def test_a_moment_says_of_every_node_how_it_stands_and_why(browser: Browser, fil
     assert "as it stood at 6.25 s" in tab.text()
 
 
-@pytest.mark.parametrize("name", ["greet", "patrol"])
+@each("name", ["greet", "patrol"])
 def test_no_mark_that_folds_covers_the_line_of_its_node(browser: Browser, file: Path, name: str) -> None:
     tab = shown(browser, file, page(drawing_of(load_mission(name))))
     gaps = tab.evaluate("""[...document.querySelectorAll('.spread [aria-expanded] > .box')]
@@ -164,8 +165,8 @@ CONTRASTS = """(() => {
 """The contrast of every text on the page to what it stands on, as WCAG 2.2 computes it."""
 
 
-@pytest.mark.parametrize("dark", [False, True], ids=["by day", "by night"])
-@pytest.mark.parametrize("sort", ["mission", "moment", "pair"])
+@each("dark", [False, True])
+@each("sort", ["mission", "moment", "pair"])
 def test_every_text_stands_out_from_its_ground(browser: Browser, file: Path, sort: str, dark: bool) -> None:
     tab = shown(browser, file, page_of(sort), dark=dark)
     tab.evaluate("document.querySelectorAll('details').forEach(details => details.open = true)")
@@ -174,7 +175,7 @@ def test_every_text_stands_out_from_its_ground(browser: Browser, file: Path, sor
     assert [faint for faint in contrasts if faint[0] < 4.5] == []
 
 
-@pytest.mark.parametrize("dark", [False, True], ids=["by day", "by night"])
+@each("dark", [False, True])
 def test_the_sorts_of_nodes_have_the_colours_of_the_pictures(browser: Browser, file: Path, dark: bool) -> None:
     tab = shown(browser, file, page_of("mission"), dark=dark)
     found = tab.evaluate(
@@ -231,7 +232,7 @@ def test_without_script_the_tree_is_open_and_there_are_no_tools(browser: Browser
     assert "off by 7 deg" in tab.text()
 
 
-@pytest.mark.parametrize("sort", ["mission", "moment", "pair"])
+@each("sort", ["mission", "moment", "pair"])
 def test_on_a_phone_nothing_is_wider_than_the_screen(browser: Browser, file: Path, sort: str) -> None:
     file.write_text(page_of(sort), encoding="utf-8")
     tab = browser.open(file, size=(390, 844))

@@ -15,6 +15,7 @@ from missions.records.recording.writer import RecordWriter
 from missions.views.pictures.draw import drawing_of
 from missions.views.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES
 from missions.views.pictures.tree_json import to_json
+from tests.cases import each
 from tests.missions.command import Outcome, command
 
 HEAD = Head(
@@ -75,7 +76,7 @@ def record(folder: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("suffix", list(SUFFIXES))
+@each("suffix", list(SUFFIXES))
 def test_the_name_of_the_file_says_the_format(suffix: str, show: Show) -> None:
     outcome = show("greet", "-o", f"it{suffix}")
     assert outcome.code == 0, outcome.err
@@ -84,7 +85,7 @@ def test_the_name_of_the_file_says_the_format(suffix: str, show: Show) -> None:
     assert Path(f"it{suffix}").read_bytes() == (dumped if isinstance(dumped, bytes) else dumped.encode())
 
 
-@pytest.mark.parametrize("form", [form for form in FORMS if form != "png"])
+@each("form", [form for form in FORMS if form != "png"])
 def test_texts_go_to_stdout(form: str, show: Show) -> None:
     outcome = show("greet", "--format", form)
     assert (outcome.code, outcome.err) == (0, "")
@@ -119,7 +120,7 @@ def test_a_record_shows_its_mission_as_it_was(record: Path, show: Show) -> None:
     assert show(record.name).out == show("greet").out
 
 
-@pytest.mark.parametrize(
+@each(
     ("time", "root", "leaf", "reason"),
     [
         ("0.5 s", "idle", "idle", ""),
@@ -152,7 +153,7 @@ def test_a_mission_has_no_moments_and_says_how_to_record_them(show: Show) -> Non
     assert "mission run greet --record greet.mcap" in outcome.err
 
 
-@pytest.mark.parametrize("time", ["3", "soon", "-1 s", "1 m"])
+@each("time", ["3", "soon", "-1 s", "1 m"])
 def test_a_time_is_a_duration_with_its_unit(time: str, record: Path, show: Show) -> None:
     outcome = show(record.name, "--at", time)
     assert outcome.code == 2
@@ -168,7 +169,7 @@ def test_a_record_that_is_none_is_told_of(show: Show) -> None:
     assert show("missing.mcap").code == 2
 
 
-@pytest.mark.parametrize("form", list(PAIR_FORMS))
+@each("form", list(PAIR_FORMS))
 def test_two_missions_stand_side_by_side(form: str, show: Show) -> None:
     output = f"diff.{form}"
     outcome = show("motions/square", "--diff", "motions/triangle", "--format", form, "-o", output)

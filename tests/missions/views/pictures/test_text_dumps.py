@@ -17,6 +17,7 @@ from missions.views.pictures.drawing import ASCII_SIGNS, SIGNS, Drawing, Now
 from missions.views.pictures.mermaid import mermaid
 from missions.views.pictures.outline import outline
 from missions.views.pictures.text import dot, text_tree
+from tests.cases import each
 from tests.missions.views.pictures.drawn import DRAWINGS, HOSTILE, downwards, plan_of, ready
 
 TREE = """\
@@ -130,14 +131,14 @@ def test_the_children_of_a_switch_begin_with_their_case() -> None:
     assert '|"yes"| n1_1_1' in mermaid(drawing_of(plan))
 
 
-@pytest.mark.parametrize("name", shipped_missions())
+@each("name", shipped_missions())
 def test_a_drawing_counts_its_nodes_as_the_checker_does(name: str) -> None:
     plan = load_mission(name)
     drawing = drawing_of(plan)
     assert drawing.root.nodes == folded(drawing, 0).root.nodes == sum(1 for _ in plan.tree.walk())
 
 
-@pytest.mark.parametrize("name", shipped_missions())
+@each("name", shipped_missions())
 def test_the_shapes_of_the_lines_are_py_trees_own_for_the_nodes_that_run(name: str) -> None:
     plan = load_mission(name)
     root, _ = ready(plan, ManualClock())
@@ -218,7 +219,7 @@ def test_mermaid_takes_no_text_for_markup() -> None:
     assert re.sub(r"#(\d+);", lambda code: chr(int(code[1])), inside) == f"■ say: {HOSTILE}(line 3)"
 
 
-@pytest.mark.parametrize("status", SIGNS)
+@each("status", SIGNS)
 def test_no_dump_tells_statuses_apart_by_colour_alone(status: str) -> None:
     (known,) = [each for each in SIGNS if each == status]
     plan, now = plan_of("  wait: 1 s\n"), {"1": Now(known, "", 1.0)}

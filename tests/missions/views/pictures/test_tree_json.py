@@ -12,6 +12,7 @@ from missions.library.shipped import load_mission, shipped_missions
 from missions.views.pictures.draw import drawing_of
 from missions.views.pictures.drawing import Drawing
 from missions.views.pictures.tree_json import FORMAT, from_json, schema, to_json
+from tests.cases import each
 from tests.missions.command import command
 from tests.missions.views.pictures.drawn import DRAWINGS, plan_of
 
@@ -31,7 +32,7 @@ def test_what_is_written_is_read_back(drawing: Drawing) -> None:
     assert from_json(data) == drawing
 
 
-@pytest.mark.parametrize("name", shipped_missions())
+@each("name", shipped_missions())
 def test_every_shipped_mission_is_as_the_schema_says(name: str) -> None:
     drawing = drawing_of(load_mission(name))
     VALIDATOR.validate(to_json(drawing))
@@ -52,7 +53,7 @@ def test_the_schema_refuses_what_it_does_not_know() -> None:
     assert not VALIDATOR.is_valid(dump() | {"format": "missiontree-tree/0"})
 
 
-@pytest.mark.parametrize(
+@each(
     ("where", "value", "words"),
     [
         (("format",), "missiontree-tree/9", f"its format is 'missiontree-tree/9', not '{FORMAT}'"),
