@@ -79,8 +79,13 @@ class MissionCommand(click.Command):
         return f"unexpected: {' '.join(words)}" + (f"\n  try: {' '.join(params)}" if params else "")
 
 
-def pairs(example: str) -> Callable[[click.Context, click.Parameter, tuple[str, ...]], dict[str, str]]:
-    """Return a click callback that reads NAME=VALUE, as often as it is given; in UTF-8, since the text is passed on."""
+def pairs(
+    example: str, *, empty: bool = True
+) -> Callable[[click.Context, click.Parameter, tuple[str, ...]], dict[str, str]]:
+    """Return a click callback that reads NAME=VALUE, as often as it is given; in UTF-8, since the text is passed on.
+
+    ``empty`` says whether a value may be.
+    """
 
     def read(ctx: click.Context, option: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
         found: dict[str, str] = {}
@@ -88,7 +93,7 @@ def pairs(example: str) -> Callable[[click.Context, click.Parameter, tuple[str, 
             if (shown := value.encode(errors="surrogateescape").decode(errors="backslashreplace")) != value:
                 raise click.BadParameter(f"'{shown}' is no text in UTF-8", ctx=ctx, param=option)
             name, equals, text = value.partition("=")
-            if not equals or not name.strip():
+            if not equals or not name.strip() or not (text or empty):
                 raise click.BadParameter(f"'{value}' is not NAME=VALUE, such as {example}", ctx=ctx, param=option)
             found[name.strip()] = text
         return found

@@ -128,7 +128,7 @@ class RunCommand(MissionCommand):
     "ports",
     multiple=True,
     metavar="PART=PORT",
-    callback=pairs("base=/dev/ttyUSB0"),
+    callback=pairs("base=/dev/ttyUSB0", empty=False),
     help="Where a part is plugged in, instead of what the robot file says.",
 )
 @click.option("--seed", type=Whole(min=0), default=0, show_default=True, help="For whatever is drawn by chance.")

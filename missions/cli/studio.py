@@ -5,6 +5,7 @@ import os
 import sys
 import webbrowser
 from contextlib import closing, suppress
+from errno import EADDRNOTAVAIL
 from pathlib import Path
 from ssl import SSLError
 
@@ -80,7 +81,7 @@ def command(
     try:
         socket = listening(Place(host, port))
     except OSError as error:
-        hint = "another --port" if port else "another --host"
+        hint = "another --port" if port and error.errno != EADDRNOTAVAIL else "another --host"
         raise click.ClickException(f"{host} port {port}: {error.strerror or error}\n  try: {hint}") from error
     with closing(socket):
         kept = ring.wanted() if record is None else record

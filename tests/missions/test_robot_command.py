@@ -159,6 +159,11 @@ def test_the_axes_of_each_head_are_shown_with_their_trims(mission: Mission, tmp_
     assert "  pan (servo 2): -90 to 90 deg\n  tilt (servo 3): -90 to 90 deg\n" in shown
 
 
+def test_a_port_without_a_path_is_refused(mission: Mission) -> None:
+    refused = mission("run", "look_around", "--robot", "turtlebot2_arm", "--port", "head=")
+    assert (refused.code, "'head=' is not NAME=VALUE, such as base=/dev/ttyUSB0" in refused.err) == (2, True)
+
+
 def test_a_default_that_cannot_be_kept_is_told_with_its_file_and_what_to_type(mission: Mission) -> None:
     (config_folder().parent).mkdir(parents=True, exist_ok=True)
     config_folder().touch()

@@ -37,7 +37,7 @@ STYLES = {"ok": "green", "warning": "yellow", "wrong": "bold red"}
 
 @click.command(epilog="Example: mission doctor --robot turtlebot2_arm --report doctor.txt")
 @click.option("--robot", type=ROBOT, help="The robot to look at; else this computer's own, or the computer alone.")
-@click.option("--port", "ports", multiple=True, metavar="PART=PORT", callback=pairs("base=/dev/ttyUSB0"),
+@click.option("--port", "ports", multiple=True, metavar="PART=PORT", callback=pairs("base=/dev/ttyUSB0", empty=False),
               help="Where a part is plugged in, instead of what the robot file says.")  # fmt: skip
 @click.option("--move", is_flag=True, help="Try what moves, a little, with a question before and after each.")
 @click.option("--report", "file", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",

@@ -26,7 +26,7 @@ export class Run {
   #seen = el("div", { class: "pose" });
   #enrolling = el("div", { hidden: true }, field("Name", this.#person, "of who stands alone before the camera, and wants to be known"), el("div", { class: "actions" }, this.#enrol, this.#enrolHere), this.#seen);
   #checkup = el("div", { class: "hint" });
-  #form = el("div", { class: "chosen" });
+  #form = el("div", { class: "chosen" }, el("p", { class: "empty" }, "Reading the missions…"));
   #links = el("div", { hidden: true });
   #approval = toggle("Begin it only once somebody has approved it", false);
   #go = button("Run", () => this.#start(), { class: "main" });
@@ -54,6 +54,7 @@ export class Run {
     try {
       this.#library ??= await this.#fetch();
     } catch (error) {
+      this.#form.replaceChildren();
       tell(error);
       return;
     }

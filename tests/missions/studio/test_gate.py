@@ -411,6 +411,9 @@ def test_what_cannot_be_served_is_said_in_words(capsys: pytest.CaptureFixture[st
         refused = command(capsys, "studio", "--port", str(port))
         assert refused.code == 2
         assert f"127.0.0.1 port {port}: Address already in use" in refused.err
+        assert "try: another --port" in refused.err
+    # An address for documentation (RFC 5737), which is nobody's.
+    assert "try: another --host" in command(capsys, "studio", "--host", "192.0.2.1").err
     wrong = tmp_path / "cert.pem"
     wrong.write_text("no certificate", encoding="utf-8")
     assert str(wrong) in command(capsys, "studio", "--port", "0", "--certificate", str(wrong)).err

@@ -22,6 +22,22 @@ from tests.missions.views.pictures.drawn import HOSTILE
 from tests.waiting import wait_until
 
 
+def test_until_the_missions_are_read_the_page_says_so_and_no_longer(browser: Browser, served: Served) -> None:
+    page = Page(browser, served)
+    told = "view.node.querySelector('.chosen').textContent"
+    said = page.tab.evaluate(
+        "import('./run.js').then(async ({ Run }) => {"
+        "  let refuse;"
+        "  const link = { welcome: {}, library: () => new Promise((_, no) => { refuse = no; }) };"
+        "  const view = new Run({ link, watcher: {}, stop: null });"
+        "  const shown = view.show('');"
+        f" const before = {told}; refuse(new Error('no link')); await shown;"
+        f" return [before, {told}];"
+        "})"
+    )
+    assert said == ["Reading the missions…", ""]
+
+
 @pytest.mark.real_time
 def test_greet_is_run_from_its_form_watched_and_looked_at_again(browser: Browser, served: Served) -> None:
     page = Page(browser, served, size=PHONE)
