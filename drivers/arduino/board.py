@@ -91,6 +91,7 @@ class Board:
         self._absence = Absence(away)
         self._remembered = remembered
         self._sent: dict[int, int] = {}  # the degrees that each servo was sent last, as far as that holds
+        self._servos = 0  # how many it is to be known of
         self._met = False  # its servos were known once
         self.began: Life | None = None
         """What the board had done when it was met first; None before that."""
@@ -223,7 +224,7 @@ class Board:
         """Tell the board to stop sending, and remember where it was left."""
         self._link.write(wire.STOP_SENDING)
         if self._remembered is not None and self._met:
-            self._remembered.keep(self._sent)
+            self._remembered.keep(self._sent if len(self._sent) == self._servos else {})
 
     def _settle(self, life: Life, session: Session) -> None:
         """Take account of what the board has done."""
@@ -234,6 +235,7 @@ class Board:
             if life is Life.FORGOTTEN:
                 unknown = "nobody knows whether its board has started anew, and where its servos stand"
                 self._absence.latch(unknown, graver=True)
+                self._sent = {}  # the next program is not to believe it
             return
         else:
             self._sent = left
@@ -250,6 +252,7 @@ class Board:
             for device in self._devices
             for index, angle in device.stands(self._sent, later=session.later).items()
         }
+        self._servos = len(self._sent)
 
     def _send(self, session: Session, topic: int, devices: tuple[Mounted, ...]) -> bool:
         """Send what is due, if it is sure that the board is the one that we know; else ask the board first.

@@ -787,6 +787,32 @@ def test_who_enables_a_head_is_told_that_nobody_knows_where_it_stands_and_not_on
     assert b.link.device.commands == []
 
 
+@pytest.mark.parametrize("pan_alone", [False, True])
+def test_where_nobody_knows_how_the_servos_stand_nothing_is_kept_for_the_next_program(
+    pan_alone: bool, tmp_path: Path
+) -> None:
+    (node := tmp_path / "tty").touch()
+    memory = Memory(tmp_path, str(node))
+    b = bench(remembered=memory)
+    b.begin()
+    b.head.look(HeadPose(radians(20), 0.0))
+    b.link.run(2.0)
+    b.link.unplug()
+    b.clock.advance(12.0)
+    b.link.device.plugged(b.clock.now())
+    b.link.device.commands.clear()
+    b.link.plug()
+    b.link.run(2.0)
+    assert b.head.latched.startswith("nobody knows")
+    if pan_alone:
+        b.head.enable()
+        b.head.look(HeadPose(radians(-20), 0.0))
+        b.link.run(2.0)
+        assert {index for index, _ in b.link.device.commands} == {0}
+    b.head.close()
+    assert memory.take() == {}
+
+
 def test_topics_told_unasked_are_those_of_a_board_that_has_started_anew() -> None:
     b = bench()
     b.begin()
