@@ -42,7 +42,7 @@ ENDS = 12.0
 PERIOD = 0.01
 """Seconds from one goal of an open loop to the next."""
 
-SPEED = {"humanoid": 0.22, "op3": 0.22}
+SPEED = {"humanoid": 0.28, "op3": 0.22}
 """m/s that each is told to walk at: its most."""
 
 Wave = Callable[[float], Floats]

@@ -28,7 +28,7 @@ from missions.library.drivers import load_robot
 
 ROBOTS = Path(__file__).parents[2] / "config" / "robots"
 WALKS = [
-    ("humanoid", (0.22, 0.0, 0.0)),
+    ("humanoid", (0.28, 0.0, 0.0)),
     ("humanoid", (0.1, 0.0, 0.4)),
     ("op3", (0.2, 0.0, 0.0)),
     ("op3", (0.1, 0.02, 0.3)),
