@@ -16,7 +16,9 @@ class Fields:
     a file share; ``wrong`` is where to note which keys are.
     """
 
-    def __init__(self, source: Source, node: Node, faults: list[Diagnostic], *, what: str, torn: bool = False) -> None:
+    def __init__(
+        self, source: Source, node: Node, faults: list[Diagnostic], *, what: str, torn: bool = False, hint: str = ""
+    ) -> None:
         self.source = source
         self.node = node
         self.faults = faults
@@ -26,7 +28,7 @@ class Fields:
         self._known: set[str] = set()
         self._lacking: dict[str, Diagnostic] = {}
         if not isinstance(node, Mapping):
-            self.fault(node.mark, f"{what} must be a mapping of keys to values, such as 'name: value'")
+            self.fault(node.mark, f"{what} must be a mapping of keys to values, such as 'name: value'", hint)
 
     def fault(self, mark: Mark, message: str, suggestion: str = "", *, sure: bool = False) -> None:
         """Note a mistake; where a line of the file could not be read, only what is ``sure`` whatever stood there."""
@@ -71,10 +73,11 @@ class Fields:
             return high
         return value
 
-    def section(self, key: str) -> "Fields | None":
-        """Return the mapping under ``key``."""
+    def section(self, key: str, *, hint: str = "") -> "Fields | None":
+        """Return the mapping under ``key``; ``hint`` says what to write where it is none."""
         node = self.node_of(key)
-        return None if node is None else Fields(self.source, node, self.faults, what=f"'{key}'", torn=self.torn)
+        what = f"'{key}'"
+        return None if node is None else Fields(self.source, node, self.faults, what=what, torn=self.torn, hint=hint)
 
     def entries(self) -> Iterator[tuple[Scalar, Node]]:
         """Every key with its node, for a mapping whose keys are names that the file chooses."""

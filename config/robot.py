@@ -146,7 +146,7 @@ def robot_of(source: Source, drivers: Drivers, path: Path | None = None) -> Robo
     """Read the text of a robot file. Raises InvalidFileError with every mistake in it."""
     fields = fields_of(source, what="a robot file")
     kinds = {**KINDS, **_named(fields)}
-    read = {name: fields.section(name) for name in kinds}
+    read = {name: fields.section(name, hint=_driver_alone(fields, name, kind, drivers)) for name, kind in kinds.items()}
     sections: dict[str, Section] = {}
     for name, kind in kinds.items():
         section = read[name]
@@ -158,6 +158,13 @@ def robot_of(source: Source, drivers: Drivers, path: Path | None = None) -> Robo
     if fields.faults:
         raise InvalidFileError(fields.faults)
     return RobotConfig(told.robot, told.summary, told.rate, sections, tuple(map(way, told.notices)), path)
+
+
+def _driver_alone(fields: Fields, name: str, kind: Kind, drivers: Drivers) -> str:
+    """Say what to write where the name of a driver stands in the place of a section."""
+    node = fields.node.get(name) if isinstance(fields.node, MarkedMapping) else None
+    known = isinstance(node, Scalar) and node.text in drivers.names(kind.name)
+    return f"write {name}: {{driver: {node.text}}}, with its other keys" if isinstance(node, Scalar) and known else ""
 
 
 def _named(fields: Fields) -> dict[str, Kind]:

@@ -129,6 +129,13 @@ def test_a_mistake_says_what_is_needed(file: Path, text: str, message: str) -> N
     assert [fault.message for fault in mistakes(file, text)] == [message]
 
 
+def test_a_driver_in_the_place_of_a_section_is_shown_within_one(file: Path) -> None:
+    (fault,) = mistakes(file, "robot: r2\nbase: kobuki\n")
+    assert fault.suggestion == "write base: {driver: kobuki}, with its other keys"
+    (fault,) = mistakes(file, "robot: r2\nbase: wheels\n")
+    assert fault.suggestion == ""
+
+
 @pytest.mark.parametrize("baud", ["9" * 5000, "1e999", "-1", "true", "9600.0"])
 def test_nonsense_numbers_are_refused_and_not_choked_on(file: Path, baud: str) -> None:
     (fault,) = mistakes(file, f"robot: r2\nbase: {{driver: kobuki, port: x, baud: {baud}}}\n")
