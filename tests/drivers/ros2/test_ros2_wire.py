@@ -89,10 +89,11 @@ def test_an_attachment_is_a_number_a_time_sixteen_and_a_gid() -> None:
     assert wire.attachment(packed) == Attachment(7, 1_700_000_000_000_000_001, bytes(range(16)))
 
 
-@given(some.binary(max_size=40))
-def test_what_is_no_attachment_is_none(data: bytes) -> None:
-    told = wire.attachment(data)
-    assert told is None or (len(data) == 33 and told.pack() == data)
+@given(some.binary(max_size=90), some.booleans())
+def test_what_is_no_attachment_is_none(data: bytes, named: bool) -> None:
+    begun = b"\x0fsequence_number" * named + data
+    told = wire.attachment(begun)
+    assert told is None or told.pack() == begun
 
 
 @given(some.text(max_size=40))
