@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from drivers.clock import SystemClock
+from missions.cli.keys import interruptible
 from missions.cli.numbers import Whole
 from missions.cli.outputs import writing
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
@@ -55,10 +56,11 @@ def command(
     clock = SystemClock()
     outcomes, interrupted = list[Outcome](), False
     try:
-        for outcome in _played(range(first, first + seeds), jobs or cores()):
-            outcomes.append(outcome)
-            if outcome.broken:
-                click.echo(f"seed {outcome.weather.seed} breaks {', '.join(outcome.broken)}", err=True)
+        with interruptible():  # one that was started in the background does not hear Ctrl-C
+            for outcome in _played(range(first, first + seeds), jobs or cores()):
+                outcomes.append(outcome)
+                if outcome.broken:
+                    click.echo(f"seed {outcome.weather.seed} breaks {', '.join(outcome.broken)}", err=True)
     except KeyboardInterrupt:
         interrupted = True
     outcomes.sort(key=lambda it: it.weather.seed)

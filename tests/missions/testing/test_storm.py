@@ -1,6 +1,7 @@
 """The storm: a seed stands for all that happens, what must hold does, and what breaks is made small and told."""
 
 import json
+import signal
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -256,12 +257,13 @@ def test_a_seed_that_breaks_something_is_told_with_what_to_type(
     assert "base bumped left at 2 s" in written.read_text()
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_storm_that_is_interrupted_tells_what_was_played_so_far(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    number: signal.Signals, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def played(*_: object) -> Iterator[Outcome]:
         yield play_seed(2)
-        raise KeyboardInterrupt
+        signal.raise_signal(number)
 
     monkeypatch.setattr("missions.cli.storm._played", played)
     told = command(capsys, "storm", "--seeds", "20000")
