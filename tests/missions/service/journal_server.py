@@ -21,8 +21,8 @@ from missions.service.work import Say, Stopping
 
 CHANNELS = ("one", "two")
 
-PATIENCE = 3000.0
-"""Seconds for notices that are still to be delivered: those of 20 000 tasks, at most."""
+PATIENCE = 300.0
+"""Seconds for notices that are still to be delivered: thousands, at most."""
 
 
 def main(folder: Path) -> None:
