@@ -61,18 +61,19 @@ class Node:
             found = list(self._found.values())
         return [each for each in found if role in {"", each.role} and name in {"", each.name}]
 
-    def publisher(self, name: str, kind: str, digest: str = "") -> "Publisher":
+    def publisher(self, name: str, kind: str, digest: str = "", *, waits: bool = False) -> "Publisher":
         """Return what sends on a topic; ``digest`` is the hash of the type, where it was read from a token.
 
-        Raises NotConnected where the session has gone.
+        One that ``waits`` for room on a busy line loses nothing: for threads that nobody waits for. Raises NotConnected
+        where the session has gone.
         """
         with self._lock:
             if (known := self._publishers.get((name, kind, digest))) is not None:
                 return known
             entity = self._entity(wire.PUBLISHER, name, kind, digest)
-            drop = self._zenoh.CongestionControl.DROP
+            full = self._zenoh.CongestionControl.BLOCK if waits else self._zenoh.CongestionControl.DROP
             try:
-                declared = self._session.declare_publisher(entity.key, congestion_control=drop, express=True)
+                declared = self._session.declare_publisher(entity.key, congestion_control=full, express=True)
             except self._zenoh.ZError as error:
                 raise NotConnected(f"ros2: {name}: the session of Zenoh has gone: {error}") from error
             self._publishers[name, kind, digest] = made = Publisher(declared, entity, self.attach)
@@ -228,7 +229,7 @@ class Publisher:
         self._gid = _gid()
 
     def send(self, payload: bytes) -> None:
-        """Send a message; what cannot go out now is dropped. Raises NotConnected where the session has gone."""
+        """Send a message; what cannot go out now is dropped, unless it waits. Raises NotConnected without a session."""
         from zenoh import ZError  # noqa: PLC0415 - an extra
 
         try:

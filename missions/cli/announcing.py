@@ -101,8 +101,8 @@ class Announcer:
         try:
             node = self._graph.node()
             for name in (EVENTS, TREE, VARIABLES):
-                node.publisher(name, STRING)
-            node.publisher(SEEN, DETECTIONS)
+                node.publisher(name, STRING, waits=True)
+            node.publisher(SEEN, DETECTIONS, waits=True)
         except NotConnected:
             return None
         return node
