@@ -7,7 +7,7 @@ import hashlib
 import json
 from functools import cache, lru_cache
 from html import escape
-from importlib.resources import files
+from pathlib import Path
 from string import Template
 from threading import Event, Thread
 
@@ -64,7 +64,7 @@ def _words(words: Words) -> str:
     )
 
 
-HERE = files(__name__.rpartition(".")[0])
+HERE = Path(__file__).parent
 """The folder of ``page.html``, ``page.js`` and ``page.css``."""
 
 

@@ -13,6 +13,7 @@ from collections.abc import Generator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from threading import Event, Lock, Thread
+from types import ModuleType
 from typing import Any
 
 PERIOD_MS = 20
@@ -280,6 +281,9 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    # miniaudio takes numpy where it is there, and the web for radio stations: neither is used here, and to load them
+    # takes three times as long as all the rest.
+    sys.modules.update({"numpy": None, "urllib.request": ModuleType("urllib.request")})  # type: ignore[dict-item]
     try:
         import miniaudio
     except ImportError as missing:

@@ -2,6 +2,8 @@
 
 import json
 import socket
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, suppress
 from http.client import HTTPConnection, HTTPResponse
@@ -19,7 +21,8 @@ from drivers.screen.drawing import draw
 from drivers.screen.expression import expression
 from drivers.screen.frame import frame
 from drivers.screen.pages import PageScreen, numbers
-from drivers.screen.server import LISTENERS, TALKS
+from drivers.screen.server import TALKS
+from drivers.screen.talk import LISTENERS
 from tests.browser import Browser, Tab
 from tests.cases import each
 from tests.waiting import wait_until
@@ -413,3 +416,9 @@ def test_it_fills_a_screen_of_any_shape_with_the_face_in_its_middle(browser: Bro
         assert np.ptp(columns) > 0.6 * min(size)
         corners = image[[0, 0, -1, -1], [0, -1, 0, -1]]
         assert (corners == corners[0]).all()
+
+
+def test_what_speaks_http_is_loaded_for_browsers_alone() -> None:
+    program = "import drivers.screen.pages, sys; print('http.server' in sys.modules)"
+    told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    assert told.strip() == "False"
