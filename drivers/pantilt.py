@@ -3,6 +3,7 @@
 A driver tells it the time and gets the angles to send. Goals, trims and stops may come from any thread.
 """
 
+from collections.abc import Iterable
 from math import isfinite, radians
 from threading import Lock
 from typing import Generic, Protocol, Self, TypeVar, runtime_checkable
@@ -169,6 +170,14 @@ class PanTilt(Generic[A]):
             for profile, angle in zip(self._profiles, (pan, tilt), strict=True):
                 if angle is not None:
                     profile.place(angle, now)
+                    profile.halt()
+
+    def stand(self, angles: Iterable[float | None]) -> None:
+        """Go on from each of these angles (pan, tilt; None for no change) once it rests there, stopped and not told."""
+        with self._lock:
+            for profile, angle in zip(self._profiles, angles, strict=True):
+                if angle is not None and profile.braked and profile.position == profile.goal:
+                    profile.place(angle, profile.stamp)
                     profile.halt()
 
     def curb(self, speed: float, now: float) -> HeadLimits:

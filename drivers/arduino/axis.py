@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Self
 
 from drivers.api.quick import dataclass
-from drivers.pantilt import LARGEST_TRIM, Step
+from drivers.pantilt import LARGEST_TRIM, PanTilt, Step
 
 MIDDLE = 90
 """Degrees that the sketch takes for straight ahead."""
@@ -22,6 +22,11 @@ STARTS = (90, 120, 90, 90)
 
 ATTACHED = 92
 """Degrees at which the first sketches, which send them nowhere, have all servos: the library's 1500 microseconds."""
+
+
+SHORT = math.radians(0.25)
+"""Radians by which a head that was stopped is taken to be short of the degree that it keeps: there and back it takes
+no more than a degree, and who tells it to go on and stops it ever again gets it no farther."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,15 +115,24 @@ class ServoAxis:
         return self.sign * (math.radians(degrees - MIDDLE) - self.trim)
 
 
-def next_degrees(steps: tuple[Step[ServoAxis], Step[ServoAxis]], sent: tuple[int, ...] | None) -> tuple[int, int]:
+def next_degrees(
+    way: PanTilt[ServoAxis], steps: tuple[Step[ServoAxis], Step[ServoAxis]], sent: tuple[int, ...] | None
+) -> tuple[int, int]:
     """Return what to send two servos now, of which these degrees were ``sent`` last; empty or None where none were.
 
-    The degree sent last may lie ahead of where the head had got to when it was told to brake: it does not turn back.
+    The degree sent last may lie ahead of where the head had got to when it was told to brake: it does not turn back,
+    and goes on from there: ``steps`` are those of its ``way`` now.
     """
     pan, tilt = (step.axis.next_degree(step.angle, step.heading) for step in steps)
     if sent:
-        pan, tilt = (
-            old if (new - old) * step.braked * step.axis.sign < 0 else new
+        kept = [
+            (new - old) * step.braked * step.axis.sign < 0
             for step, new, old in zip(steps, (pan, tilt), sent, strict=True)
-        )
+        ]
+        pan, tilt = (old if keeps else new for keeps, new, old in zip(kept, (pan, tilt), sent, strict=True))
+        if any(kept):
+            way.stand(
+                step.axis.to_radians(old) - step.braked * SHORT if keeps else None
+                for keeps, step, old in zip(kept, steps, sent, strict=True)
+            )
     return pan, tilt

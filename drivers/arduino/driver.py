@@ -131,7 +131,7 @@ class ArduinoHead(LedHead[ServoAxis]):
         """Move on; return each axis whose whole degree has changed."""
         self._settled = self._way.still  # the last degree is sent now, and no other unless somebody wants one
         pan, tilt = way = self._way.advance(now)
-        degrees = next_degrees(way, self._sent)
+        degrees = next_degrees(self._way, way, self._sent)
         pose = HeadPose(pan.axis.to_radians(degrees[0]), tilt.axis.to_radians(degrees[1]))
         steps = zip((pan.axis, tilt.axis), degrees, self._sent, strict=True)
         angles = [ServoAngle(axis.index, new) for axis, new, old in steps if new != old]

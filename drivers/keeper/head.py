@@ -238,7 +238,7 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
                 return
             self._settled = self._way.still
             steps = self._way.advance(now)
-            first, second = next_degrees(steps, sent)
+            first, second = next_degrees(self._way, steps, sent)
             if (first, second) != sent or self._settled:
                 self._asked_at = now
                 self._link.write(wire.go(boot, first, second) + wire.ASK)

@@ -432,6 +432,36 @@ def test_stopped_at_any_moment_of_its_way_it_turns_no_way_back(head: HeadRig, wa
     assert all((now - before) * way >= 0 for before, now in pairwise(past))
 
 
+@pytest.mark.parametrize("way", [-40, 40])
+@pytest.mark.parametrize("after", [0.0, 0.02, 0.06, 0.3])
+def test_stopped_and_told_to_go_back_it_leaps_no_degree(head: HeadRig, way: float, after: float) -> None:
+    head.wait(0.5)
+    head.device.look(HeadPose(START.pan + radians(way), START.tilt))
+    head.wait(after)
+    head.device.stop()
+    head.wait(1.0)
+    held = head.pose().pan
+    head.device.look(HeadPose(START.pan - radians(way), START.tilt))
+    for _ in range(3):
+        assert abs(head.pose().pan - held) <= 1.01 * DEGREE
+        head.wait(0.01)
+
+
+@pytest.mark.parametrize("way", [-40, 40])
+def test_stopped_as_it_begins_it_goes_no_farther_however_often_and_goes_back_where_it_was(
+    head: HeadRig, way: float
+) -> None:
+    head.wait(0.5)
+    began = head.pose()
+    for _ in range(8):
+        head.device.look(HeadPose(began.pan + radians(way), began.tilt))
+        head.device.stop()
+        head.wait(0.1)
+    assert abs(head.pose().pan - began.pan) <= 1.01 * DEGREE
+    head.device.look(began)
+    head.until(lambda: abs(head.pose().pan - began.pan) < DEGREE / 2)
+
+
 def test_trimmed_while_it_runs_it_looks_where_it_was_told_by_the_new_measure(head: HeadRig) -> None:
     here = head.truth()
     assert head.device.trim(pan=radians(6)) == (radians(6), 0.0)

@@ -114,7 +114,7 @@ class HeadTwin(LedHead[ServoAxis], Enabling):
             return
         self._settled = still
         pan, tilt = way = self._way.advance(now)
-        sent = next_degrees(way, self._sent)
+        sent = next_degrees(self._way, way, self._sent)
         pose = HeadPose(pan.axis.to_radians(sent[0]), tilt.axis.to_radians(sent[1]))
         turned = self._sent is None or pose != self._pose
         self._pose = pose
