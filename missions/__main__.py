@@ -108,6 +108,9 @@ def main() -> None:
 
 def _main() -> None:
     gc.disable()  # while modules are imported, which stay; `missions.cli.root` takes it up again
+    # The threads of numpy's OpenBLAS look for work for 2 ** 26 ticks (some 60 ms each, at the start and after each
+    # piece of work) before they sleep; so they sleep at once.
+    os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "4")
     problems = shadowed()
     if problems:
         told = [f"  {name}: {found}" for name, found in problems.items()]

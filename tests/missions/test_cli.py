@@ -1,6 +1,7 @@
 """The ``mission`` command as its users meet it: what it prints, its exit codes, and no traceback for their slips."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -46,6 +47,16 @@ def test_help_names_every_command_and_imports_none_of_them() -> None:
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert all(name in out for name in COMMANDS)
     assert out.rstrip().endswith("[]")
+
+
+@pytest.mark.parametrize(("given", "kept"), [("", "4"), ("20", "20")])
+def test_threads_of_openblas_sleep_at_once_unless_somebody_wants_it_otherwise(given: str, kept: str) -> None:
+    code = "import os, sys, missions.__main__ as m; sys.argv = ['mission', '--version']\n"
+    code += "try: m.main()\nexcept SystemExit: print(os.environ['OPENBLAS_THREAD_TIMEOUT'])"
+    others = {name: value for name, value in os.environ.items() if name != "OPENBLAS_THREAD_TIMEOUT"}
+    environment = others | ({"OPENBLAS_THREAD_TIMEOUT": given} if given else {})
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout.split()[-1] == kept
 
 
 def test_every_command_has_help_of_its_own(mission: Mission) -> None:
