@@ -64,6 +64,9 @@ UNWATCHED, LONG_PAUSE = 0.15, 7.0
 ABSENT = 0.12
 """The share of those in which the base goes while it moves, and is back later."""
 
+FLAT = 0.15
+"""The share of runs whose battery is empty soon, long before their end."""
+
 RECORDED = 0.06
 """The share of runs that are recorded; in half of them something happens to the recorder."""
 
@@ -169,6 +172,8 @@ def draw(seed: int) -> Weather:
     faults = (*_schedule(weather, config, parts, chance), *_further(weather, parts, chance))
     record: Record = chance.choice(["kept", "kept", "killed", "full"]) if chance.random() < RECORDED else ""
     stop_at = chance.choice([1, 2, 3, 5, 8, 13, 21]) if chance.random() < STOPPED else 0
+    if chance.random() < FLAT and "base" in parts and robot not in PLAIN:
+        faults += (f"base battery at {chance.randint(1, 4)} % at {chance.uniform(0.1, weather.seconds / 4):.2f} s",)
     return replace(weather, faults=faults, record=record, stop_at=stop_at)
 
 

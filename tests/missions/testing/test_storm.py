@@ -8,6 +8,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from py_trees.common import Status
 
 from behaviours.head import Look
 from behaviours.leaf import Leaf
@@ -131,6 +132,11 @@ def never_stopped(leaf: Leaf) -> bool:
     return False
 
 
+def gone_on(executive: Executive) -> Status:
+    """Go on with the mission that must end."""
+    return executive.root.execute_tick()
+
+
 def slow(mission: str) -> Weather:
     return replace(weather(mission=mission), robot="turtlebot2_arm", limbs=0.1)
 
@@ -146,6 +152,7 @@ def on_others(mission: str, part: str = "", faults: tuple[str, ...] = ()) -> Wea
     [
         (SteeredBase, "latch", ignore, weather("run stopped at 1 s for 1 s"), "latched"),
         (Executive, "_keep_watch", ignore, weather(*PAUSED), "battery"),
+        (Executive, "_give_up", gone_on, weather("base battery at 3 % at 0.1 s"), "battery"),
         (Decided, "__call__", ignore, weather("base unplugged at 1 s for 2 s"), "anew"),
         (Stopping, "_stopped", never_stopped, slow(NEVER_STOPS), "halted"),
         (Stopping, "_stop_safely", ignore, slow(NEVER_STOPS), "claimed_motion"),
