@@ -146,10 +146,9 @@ class GetUp(Played):
         return super().update()
 
     def follow(self, time: float, samples: Mapping[str, Sample]) -> Status:
-        status = super().follow(time, samples)
-        if status is not SUCCESS:
-            return status
-        base = self.robot.base
+        if time < self._duration:
+            return super().follow(time, samples)
+        base = self.robot.base  # whether it is up counts, not where each joint of a leg on the floor came to rest
         state = base.state().value
         if state is None or state.fallen:
             late = time > self._duration + UPRIGHT_WITHIN

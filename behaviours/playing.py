@@ -5,7 +5,6 @@ from abc import abstractmethod
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Literal
 
 from py_trees.common import Status
 
@@ -14,14 +13,12 @@ from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import SUCCESS
 from behaviours.tracking_error import Sample
 from drivers.api import Gesture as Movement
-from drivers.api import Keyframe
+from drivers.api import Interpolation, Keyframe
 from drivers.api.quick import dataclass
 
-PEAK = 1.875
-"""How much faster than its mean a minimum-jerk motion is at its fastest (Flash and Hogan, 1985)."""
-
-STEEPEST = 1.5
-"""The same of a monotone cubic whose slopes at both ends are no steeper than its mean: between zero slopes."""
+PEAK: Mapping[Interpolation, float] = {"minimum_jerk": 1.875, "cubic": 1.5, "linear": 1.0}
+"""How much faster than its mean a motion between two keyframes is at its fastest: minimum-jerk (Flash and Hogan, 1985);
+a monotone cubic whose slopes at both ends are no steeper than its mean, that is between zero slopes."""
 
 Pose = Mapping[str, float]
 """Joints and their angles (radians), or how fast these change (rad/s)."""
@@ -31,12 +28,13 @@ Pose = Mapping[str, float]
 class Playing:
     """A laid-out motion: times in seconds, and the positions of every joint at each of them (radians).
 
-    ``slopes`` are the joints' speeds (rad/s) at each time of a motion that goes on there; empty for one that halts.
+    ``slopes`` are the joints' speeds (rad/s) at each time of a cubic motion.
     """
 
     times: tuple[float, ...]
     positions: tuple[Pose, ...]
     slopes: tuple[Pose, ...] = ()
+    interpolation: Interpolation = "minimum_jerk"
 
     @property
     def duration(self) -> float:
@@ -58,8 +56,8 @@ class Playing:
         begin, long = self.times[later - 1], self.times[later] - self.times[later - 1]
         share = (time - begin) / long
         here, there = self.positions[later - 1], self.positions[later]
-        if not self.slopes:
-            share = _minimum_jerk(share)
+        if self.interpolation != "cubic":
+            share = share if self.interpolation == "linear" else _minimum_jerk(share)
             return {joint: here[joint] + share * (there[joint] - here[joint]) for joint in here}
         leaving, coming = self.slopes[later - 1], self.slopes[later]
         way, out, into = _hermite(share)
@@ -77,7 +75,7 @@ def slowed(
     speeds: Mapping[str, float],
     *,
     pace: float = 1.0,
-    interpolation: Literal["minimum_jerk", "cubic"] = "minimum_jerk",
+    interpolation: Interpolation = "minimum_jerk",
     run_in: float = math.inf,
 ) -> Playing:
     """Lay out ``keyframes`` from ``start``, each segment long enough for the joints' ``speeds`` (rad/s).
@@ -85,18 +83,17 @@ def slowed(
     A joint that a keyframe does not name stays where the one before had it. ``pace`` divides all times. On the way from
     the start to the first keyframe, where it comes to rest in any case, no joint goes faster than ``run_in`` (rad/s).
     """
-    peak = PEAK if interpolation == "minimum_jerk" else STEEPEST
     times, positions = [0.0], [dict(start)]
     before, cap = 0.0, run_in
     for frame in keyframes:
         goal = positions[-1] | dict(frame.positions)
         ways = {joint: abs(goal[joint] - positions[-1][joint]) for joint in goal}
-        needed = max((peak * way / min(speeds[joint], cap) for joint, way in ways.items()), default=0.0)
+        needed = max((PEAK[interpolation] * way / min(speeds[joint], cap) for joint, way in ways.items()), default=0.0)
         times.append(times[-1] + max((frame.time - before) / pace, needed))
         positions.append(goal)
         before, cap = frame.time, math.inf
     slopes = _slopes(times, positions) if interpolation == "cubic" else ()
-    return Playing(tuple(times), tuple(positions), slopes)
+    return Playing(tuple(times), tuple(positions), slopes, interpolation)
 
 
 def _slopes(times: Sequence[float], positions: Sequence[Pose]) -> tuple[Pose, ...]:

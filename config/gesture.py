@@ -4,7 +4,7 @@ A few poses or hundreds of them, written by hand or by a recording, it is one fo
 
     gesture: nod
     summary: Nod once.
-    interpolation: minimum_jerk      # rest at every keyframe, as when there is none; or `cubic`: go through them
+    interpolation: minimum_jerk      # rest at every keyframe, as when there is none; or `cubic`, or `linear`
     keyframes:
       - {at: 0.5 s, neck: 30 deg}
       - {at: 1 s, neck: 0 deg, waist: -5 deg}
@@ -15,18 +15,15 @@ that is where the movement begins.
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Literal
 
 from config.declared import note_mistakes, read_keys
 from config.faults import InvalidFileError, Source
 from config.fields import fields_of
 from config.marked import read_source
 from config.units import written
-from drivers.api import Gesture, Keyframe
+from drivers.api import Gesture, Interpolation, Keyframe
 from drivers.api.keys import Mistake, key, keys
 from drivers.api.quick import dataclass
-
-Interpolation = Literal["minimum_jerk", "cubic"]
 
 Reaches = Mapping[str, tuple[float, float]]
 """The lower and the upper limit (rad) of every joint that there is."""
@@ -47,7 +44,8 @@ class GestureKeys:
     gesture: str = key(help="What it is called.")
     summary: str = key(default="", help="What it is, in a line.")
     interpolation: Interpolation = key(
-        default="minimum_jerk", help="`minimum_jerk` rests at every keyframe, `cubic` goes through them."
+        default="minimum_jerk",
+        help="`minimum_jerk` rests at every keyframe, `cubic` goes through them, `linear` goes straight to each.",
     )
     keyframes: tuple[KeyframeKeys, ...] = key(each="a keyframe", help="Where it goes, one after another.")
 

@@ -41,7 +41,7 @@ from drivers.api.device import (
     ignore,
 )
 from drivers.api.head import HEAD_ACCELERATION, Head, HeadLimits, HeadPose
-from drivers.api.joints import Coupling, Gesture, JointLimits, Joints, JointState, Keyframe
+from drivers.api.joints import Coupling, Gesture, Interpolation, JointLimits, Joints, JointState, Keyframe
 from drivers.api.measures import Angle, Angles, Duration, Image, Length, Ranges, Samples
 from drivers.api.renamed import renamed
 from drivers.api.ros2 import GoalState, Progress, Ros2
@@ -94,6 +94,7 @@ __all__ = [
     "Health",
     "Image",
     "Imu",
+    "Interpolation",
     "JointLimits",
     "JointState",
     "Joints",

@@ -117,6 +117,10 @@ class Joints(Device, Protocol):
         ...
 
 
+Interpolation = Literal["minimum_jerk", "cubic", "linear"]
+"""How a movement goes from keyframe to keyframe; see ``Gesture``."""
+
+
 @dataclass(frozen=True, slots=True)
 class Keyframe:
     """Where the named joints (radians) are to be at ``time`` seconds after the gesture began."""
@@ -127,16 +131,17 @@ class Keyframe:
 
 @dataclass(frozen=True, slots=True)
 class Gesture:
-    """A movement of the arm as keyframes in rising order of time, played with smooth interpolation between them.
+    """A movement of the arm as keyframes in rising order of time, played with interpolation between them.
 
     ``minimum_jerk`` comes to rest at each keyframe, as a few poses want it; ``cubic`` goes through them without a halt,
-    as a movement does that was recorded many times a second.
+    as a movement does that was recorded many times a second; ``linear`` goes straight from each to the next, as fast
+    all the way, as a throw of the limbs needs it.
     """
 
     name: str
     summary: str
     keyframes: tuple[Keyframe, ...]
-    interpolation: Literal["minimum_jerk", "cubic"] = "minimum_jerk"
+    interpolation: Interpolation = "minimum_jerk"
 
 
 def joint_called(arm: str, joint: str) -> str:

@@ -86,7 +86,7 @@ def test_its_speeds_fit_each_step_instead_of_the_limit() -> None:
     leaf = waving(bench, Movement("lift", "", (Keyframe(2.0, {"elbow": 1.0}),)))
     play(bench, leaf)
     told = [speeds["elbow"] for speeds in servos.speeds]
-    fastest = PEAK * 1.0 / 2.0
+    fastest = PEAK["minimum_jerk"] * 1.0 / 2.0
     assert max(told) == pytest.approx(MARGIN * fastest, rel=0.1)
     assert told[0] < 0.2 * fastest
     assert max(told) < servos.limits["elbow"].speed

@@ -8,7 +8,7 @@ import pytest
 from behaviours.joint_motion import AHEAD, RUN_IN
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.moves import Play, RecordMove
-from behaviours.playing import STEEPEST
+from behaviours.playing import PEAK
 from behaviours.tracking_error import JointError
 from config.gesture import load_gesture
 from drivers.api import Gesture as Movement
@@ -20,7 +20,7 @@ from tests.behaviours.servo_arm import TICK, ServoArm, moves, play, tick, with_s
 RISE = Movement(
     "rise", "", tuple(Keyframe(0.1 * n, {"elbow": 1.0 + 0.03 * n, "shoulder": 0.5}) for n in range(21)), "cubic"
 )
-RUN_IN_TIME = STEEPEST * 1.0 / RUN_IN
+RUN_IN_TIME = PEAK["cubic"] * 1.0 / RUN_IN
 
 
 def playing(bench: Bench, movement: Movement = RISE, **arguments: object) -> Play:

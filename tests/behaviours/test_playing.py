@@ -3,19 +3,16 @@
 import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Literal
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.playing import PEAK, STEEPEST, Playing, slowed
-from drivers.api import Keyframe
+from behaviours.playing import PEAK, Playing, slowed
+from drivers.api import Interpolation, Keyframe
 
 JOINTS = ("shoulder", "elbow", "wrist")
 SPEEDS = {"shoulder": 0.8, "elbow": 2.0, "wrist": 5.0}
-
-INTERPOLATIONS: tuple[Literal["minimum_jerk", "cubic"], ...] = ("minimum_jerk", "cubic")
 
 angles = st.floats(-2.5, 2.5)
 
@@ -30,7 +27,7 @@ def gestures(draw: st.DrawFn) -> list[Keyframe]:
 
 starts = st.fixed_dictionaries(dict.fromkeys(JOINTS, angles))
 paces = st.floats(0.1, 2.0)
-ways = st.sampled_from(INTERPOLATIONS)
+ways = st.sampled_from(list(PEAK))
 
 
 def sampled(playing: Playing, count: int = 400) -> list[tuple[float, Mapping[str, float]]]:
@@ -43,7 +40,7 @@ def test_no_joint_is_ever_asked_to_go_faster_than_it_can(
     start: Mapping[str, float],
     keyframes: Sequence[Keyframe],
     pace: float,
-    way: Literal["minimum_jerk", "cubic"],
+    way: Interpolation,
 ) -> None:
     samples = sampled(slowed(start, keyframes, SPEEDS, pace=pace, interpolation=way))
     for (before, here), (after, there) in pairwise(samples):
@@ -56,7 +53,7 @@ def test_it_passes_through_every_keyframe_no_earlier_than_recorded(
     start: Mapping[str, float],
     keyframes: Sequence[Keyframe],
     pace: float,
-    way: Literal["minimum_jerk", "cubic"],
+    way: Interpolation,
 ) -> None:
     playing = slowed(start, keyframes, SPEEDS, pace=pace, interpolation=way)
     expected = dict(start)
@@ -74,7 +71,7 @@ def test_it_never_leaves_the_range_between_two_keyframes(
     start: Mapping[str, float],
     keyframes: Sequence[Keyframe],
     share: float,
-    way: Literal["minimum_jerk", "cubic"],
+    way: Interpolation,
 ) -> None:
     playing = slowed(start, keyframes, SPEEDS, interpolation=way)
     at = playing.at(share * playing.duration)
@@ -91,14 +88,14 @@ def test_a_gesture_that_the_joints_can_follow_keeps_its_times() -> None:
 
 def test_only_the_segments_that_are_too_fast_are_slowed_and_the_rest_follows_later() -> None:
     keyframes = [Keyframe(0.1, {"elbow": 1.6}), Keyframe(1.1, {"elbow": 1.5})]
-    needed = PEAK * 1.6 / SPEEDS["elbow"]
+    needed = PEAK["minimum_jerk"] * 1.6 / SPEEDS["elbow"]
     assert slowed({"elbow": 0.0}, keyframes, SPEEDS).times == pytest.approx((0.0, needed, needed + 1.0))
 
 
 def test_the_slowest_joint_sets_the_time_of_a_segment() -> None:
     playing = slowed({"shoulder": 0.0, "wrist": 0.0}, [Keyframe(0.1, {"shoulder": 0.8, "wrist": 0.8})], SPEEDS)
-    assert playing.duration == pytest.approx(PEAK)
-    assert playing.at(PEAK / 2) == pytest.approx({"shoulder": 0.4, "wrist": 0.4})
+    assert playing.duration == pytest.approx(PEAK["minimum_jerk"])
+    assert playing.at(playing.duration / 2) == pytest.approx({"shoulder": 0.4, "wrist": 0.4})
 
 
 def test_it_starts_and_ends_each_segment_at_rest_and_is_fastest_in_the_middle() -> None:
@@ -110,7 +107,7 @@ def test_it_starts_and_ends_each_segment_at_rest_and_is_fastest_in_the_middle() 
 
     assert speed(step) == pytest.approx(0.0, abs=1e-3)
     assert speed(2.0 - step) == pytest.approx(0.0, abs=1e-3)
-    assert speed(1.0) == pytest.approx(PEAK / 2.0, rel=1e-4)
+    assert speed(1.0) == pytest.approx(PEAK["minimum_jerk"] / 2.0, rel=1e-4)
 
 
 def test_a_joint_that_a_keyframe_does_not_name_stays() -> None:
@@ -164,14 +161,21 @@ def test_cubic_is_smooth_at_every_keyframe() -> None:
 def test_cubic_with_one_keyframe_goes_there_and_rests() -> None:
     playing = slowed({"wrist": 0.0}, [Keyframe(1.0, {"wrist": 1.0})], SPEEDS, interpolation="cubic")
     assert playing.at(0.5) == pytest.approx({"wrist": 0.5})
-    assert slope(playing, 0.5) == pytest.approx(STEEPEST, rel=1e-3)
+    assert slope(playing, 0.5) == pytest.approx(PEAK["cubic"], rel=1e-3)
+
+
+def test_linear_goes_straight_from_each_keyframe_to_the_next_as_fast_as_a_joint_can_where_it_has_to() -> None:
+    throw = [Keyframe(1.0, {"wrist": 1.0}), Keyframe(1.1, {"wrist": 0.0})]
+    playing = slowed({"wrist": 0.0}, throw, SPEEDS, interpolation="linear")
+    assert playing.times == pytest.approx((0.0, 1.0, 1.0 + 1.0 / SPEEDS["wrist"]))
+    assert [slope(playing, time) for time in (0.1, 0.9, 1.01)] == pytest.approx([1.0, 1.0, -SPEEDS["wrist"]])
 
 
 @given(starts, gestures(), ways, st.floats(0.1, 2.0))
 def test_the_run_in_is_slow_and_the_rest_is_not(
     start: Mapping[str, float],
     keyframes: Sequence[Keyframe],
-    way: Literal["minimum_jerk", "cubic"],
+    way: Interpolation,
     run_in: float,
 ) -> None:
     usual = slowed(start, keyframes, SPEEDS, interpolation=way)

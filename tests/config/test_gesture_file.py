@@ -87,8 +87,8 @@ def test_a_movement_through_its_keyframes_may_begin_at_once(file: Path) -> None:
         5,
         "'at' must be later than 0 s, as keyframes follow one another",
     )
-    fault, *_ = mistakes(file, text.replace("cubic", "linear"))
-    assert (fault.mark.line, fault.mark.column, fault.message) == (2, 16, "'interpolation' cannot be 'linear'")
+    fault, *_ = mistakes(file, text.replace("cubic", "round"))
+    assert (fault.mark.line, fault.mark.column, fault.message) == (2, 16, "'interpolation' cannot be 'round'")
 
 
 def test_a_gesture_can_be_held_to_the_joints_of_a_robot(file: Path) -> None:

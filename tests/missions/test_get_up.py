@@ -1,0 +1,54 @@
+"""A humanoid that was thrown on its face in physics gets up by the movement that ships, or stays down and says why."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from behaviours.playing import slowed
+from drivers.legs.body import body_of
+from drivers.legs.collision import clearance
+from drivers.legs.declared import LegsKeys
+from drivers.legs.kinematics import forward
+from missions.library import things
+from missions.library.drivers import robot_named
+from missions.testing.ran import Ran, run_mission
+
+MISSION = "mission: up\ntree:\n  sequence:\n    - wait: 4.5 s\n    - fallen:\n{steps}"
+PUSHED = "world: rough\nphysics: {{friction: {friction}, masses: 5 %, servo_delay: {delay} ms, {push}}}\n"
+FROM_BEHIND = "pushes: [{at: 2 s, speed: 1.6 m/s}]"
+
+
+def thrown(folder: Path, *steps: str, friction: float = 0.9, delay: int = 10, seed: int = 0) -> Ran:
+    (folder / "up.yaml").write_text(MISSION.format(steps="".join(f"    - {step}\n" for step in steps)))
+    (folder / "rough.yaml").write_text(PUSHED.format(friction=friction, delay=delay, push=FROM_BEHIND))
+    mission, world = str(folder / "up.yaml"), str(folder / "rough.yaml")
+    return run_mission(mission, robot="humanoid", world=world, seed=seed, eyes="truth", physics=True, timeout="40 s")
+
+
+@pytest.mark.parametrize(("friction", "delay"), [(0.7, 25), (0.9, 10), (1.1, 0)])
+def test_it_gets_up_from_its_face_and_stands(tmp_path: Path, friction: float, delay: int) -> None:
+    ran = thrown(tmp_path, "get_up: {front: get_up_front}", "wait: 3 s", "stand:", friction=friction, delay=delay)
+    assert (ran.result, ran.reason) == ("success", "")
+
+
+def test_a_movement_that_does_not_bring_it_up_fails_and_says_so(tmp_path: Path) -> None:
+    (tmp_path / "kick.yaml").write_text("gesture: kick\nkeyframes:\n  - {at: 1 s, left_knee: 60 deg}\n")
+    ran = thrown(tmp_path, f"get_up: {{front: {tmp_path / 'kick.yaml'}}}")
+    assert (ran.result, ran.reason) == ("failure", "it did not get up")
+
+
+def test_no_link_hits_another_on_the_way_up_and_no_joint_is_slowed_down() -> None:
+    robot, movement = robot_named("humanoid"), things.gesture("get_up_front")
+    legs = robot.keys(LegsKeys)
+    assert robot.arm is not None
+    assert legs is not None
+    speeds = {joint: limits.speed for joint, limits in robot.arm.limits.items()}
+    frames = movement.keyframes
+    playing = slowed(frames[0].positions, frames, speeds, interpolation=movement.interpolation)
+    assert playing.duration == pytest.approx(frames[-1].time, abs=0.05)
+    poses = [playing.at(0.02 * n) for n in range(int(playing.duration / 0.02))]
+    body = body_of(legs.body)
+    angles = np.array([[pose.get(joint, 0.0) for joint in body.joints] for pose in poses])
+    gaps, pairs = clearance(body, forward(body, angles))
+    assert gaps.min() > 0.009, pairs[int(gaps.min(axis=0).argmin())]
