@@ -1,5 +1,6 @@
 """Everything that ships: it loads, it fits together, and it goes by the name of its file."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -83,6 +84,11 @@ def test_every_gesture_ends_where_it_began(name: str) -> None:
         last.update(positions)
     if name == "let_go":  # whose hand stays open, since somebody's may still be in it
         assert last.pop("gripper") > 0.5
+    if name.startswith("get_up"):  # it ends standing with bent legs, as a walk begins
+        legs = ("hip_pitch", "knee", "ankle_pitch")
+        hip, knee, ankle = ({last.pop(f"{side}_{joint}") for side in ("left", "right")} for joint in legs)
+        assert sum(hip) + sum(ankle) == pytest.approx(sum(knee), abs=0.05)  # the soles are level
+        assert {last.pop(f"{side}_shoulder_roll") for side in ("left", "right")} == {math.radians(5)}
     assert last == dict.fromkeys(last, 0.0)
 
 
