@@ -26,10 +26,10 @@ from drivers.errors import BadRequest
 from missions.executive.answers import Answers
 from missions.executive.asked import asked
 from missions.executive.build import build
-from missions.executive.events import Listener, Stream
 from missions.executive.executive import Executive, Result
 from missions.executive.guard import Guard
 from missions.executive.state import state_of
+from missions.executive.stream import Listener, Stream
 from missions.executive.watchdog import Limits
 from missions.order import RunRequest, Simulate, contradictions
 from missions.runner import PATIENT, Runner, ports_of

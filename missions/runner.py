@@ -19,13 +19,14 @@ from missions.assembly.together import Hooks, MakePad, Overrides
 from missions.executive.answers import Answers
 from missions.executive.asked import Decided, asked, robot_for
 from missions.executive.build import Substitute, as_it_is, build
-from missions.executive.events import FaultRaised, Listener, Stream
+from missions.executive.events import FaultRaised
 from missions.executive.executive import Executive, Result
 from missions.executive.frozen_tick import OnMoment
 from missions.executive.guard import Guard
 from missions.executive.signals import Lifeline, Signals
 from missions.executive.state import state_of
 from missions.executive.stop_latch import StopLatch
+from missions.executive.stream import Listener, Stream
 from missions.executive.telling import Teller, logging_to
 from missions.executive.watchdog import Limits, Watchdog, attempt_all
 from missions.language.plan import Plan

@@ -1,6 +1,8 @@
-"""Why an action of Nav2 failed, in words: its error codes, which its nodes give in ranges."""
+"""How an action ended, and why one of Nav2 failed, in words: its error codes, which its nodes give in ranges."""
 
 from typing import Any
+
+from drivers.ros2.types import Malformed, types
 
 CODES = {
     9000: "it does not know why",
@@ -49,3 +51,15 @@ def reason(kind: str, result: Any) -> str:
         return str(words)
     known = CODES.get(code, "it failed") if kind.startswith("nav2_msgs/") else "it failed"
     return f"{known} (error {code}{f': {words}' if words else ''})"
+
+
+def result_of(kind: str, payload: bytes) -> tuple[int, Any]:
+    """Return the status of an action's end, and its result: nothing of one that another ROS 2 defines otherwise."""
+    try:
+        told = types().decode(f"{kind}_GetResult_Response", payload)
+        return int(told.status), types().values(told.result)
+    except Malformed:
+        # The status stands first, whatever follows; of Nav2's result of Jazzy, an error code.
+        status = payload[4] if len(payload) > 4 else 0
+        code = int.from_bytes(payload[6:8], "little") if len(payload) == 8 else None
+        return status, {} if code is None else {"error_code": code}

@@ -6,7 +6,6 @@ from functools import partial
 from itertools import count
 from math import inf
 from threading import RLock
-from typing import Any
 from uuid import uuid4
 
 from drivers.api.ros2 import GoalState, Progress
@@ -16,7 +15,7 @@ from drivers.guard import guarded
 from drivers.ros2 import wire
 from drivers.ros2.actions import CANCEL, CANCEL_KIND, FEEDBACK, NOT_KNOWN, RESULT, SEND
 from drivers.ros2.node import Node, Replied
-from drivers.ros2.reasons import reason
+from drivers.ros2.reasons import reason, result_of
 from drivers.ros2.types import Malformed, types
 
 ANSWER_TIME = 2.0
@@ -218,7 +217,7 @@ class Requests:
         if payload is None:
             self._tell(request, GoalState.UNKNOWN, f"{request.name}: its result did not come")
             return
-        status, values = _result(request.kind, payload)
+        status, values = result_of(request.kind, payload)
         state = ENDED.get(status, GoalState.UNKNOWN)
         why = "" if state is GoalState.SUCCEEDED else reason(request.kind, values)
         why = why or ("" if state is GoalState.SUCCEEDED else f"it {_NAMES.get(status, f'ended as {status}')}")
@@ -290,15 +289,3 @@ def _object(kind: str, values: str) -> Mapping[str, object]:
     if not isinstance(found, dict):
         raise BadRequest(f"{kind}: needs an object with its fields, got {values!r}")
     return found
-
-
-def _result(kind: str, payload: bytes) -> tuple[int, Any]:
-    """Return the status of an action's end, and its result: nothing of one that another ROS 2 defines otherwise."""
-    try:
-        told = types().decode(f"{kind}_GetResult_Response", payload)
-        return int(told.status), types().values(told.result)
-    except Malformed:
-        # The status stands first, whatever follows; of Nav2's result of Jazzy, an error code.
-        status = payload[4] if len(payload) > 4 else 0
-        code = int.from_bytes(payload[6:8], "little") if len(payload) == 8 else None
-        return status, {} if code is None else {"error_code": code}

@@ -18,8 +18,9 @@ from typing import TextIO
 import click
 
 from missions.cli.numbers import Whole
-from missions.executive.events import Event, Notified, Stream
+from missions.executive.events import Event, Notified
 from missions.executive.executive import Executive
+from missions.executive.stream import Stream
 
 GONE = "nobody reads any more what it writes"
 

@@ -17,8 +17,9 @@ from drivers.clock import time_of_day
 from missions.cli.numbers import Real
 from missions.cli.options import SIZE
 from missions.cli.orders import pad_of
-from missions.executive.events import FaultRaised, Listener
+from missions.executive.events import FaultRaised
 from missions.executive.executive import Result
+from missions.executive.stream import Listener
 from missions.order import RunRequest
 from missions.records.recording.budget import FRAMES, LIMIT
 from missions.runner import Runner

@@ -12,9 +12,10 @@ from behaviours.run import Run
 from drivers.api.kinds import SOUNDING
 from drivers.api.quick import dataclass
 from missions.executive.answers import Answers
-from missions.executive.events import STATUS_WORDS, Ended, Notified, Started, Stream, Ticked
+from missions.executive.events import STATUS_WORDS, Ended, Notified, Started, Ticked
 from missions.executive.frozen_tick import Changes, FrozenTick, OnMoment
 from missions.executive.guard import Guard
+from missions.executive.stream import Stream
 from missions.executive.tick_record import TickRecord
 
 HALT_TIME = 2.0

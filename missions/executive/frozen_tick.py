@@ -11,7 +11,8 @@ from behaviours.run import Run
 from config.units import Quantity
 from drivers.api import JointState, Reading
 from missions.executive.answers import Answers
-from missions.executive.events import Stream, VariableSet
+from missions.executive.events import VariableSet
+from missions.executive.stream import Stream
 from missions.executive.submission import Submission
 from missions.executive.tick_record import Answer, Kind, TickRecord
 from missions.language.kinds import STATE

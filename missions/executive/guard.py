@@ -5,7 +5,8 @@ from math import inf
 
 from behaviours.run import Run
 from drivers.api import Base, BaseState, Reflexes, Sides, ignore
-from missions.executive.events import ReflexFired, Stream
+from missions.executive.events import ReflexFired
+from missions.executive.stream import Stream
 
 CONFIRM = 2.0
 """Seconds between two readings that have to agree: under load the voltage dips, and the percentage with it."""

@@ -8,7 +8,8 @@ from math import isfinite
 
 from behaviours.run import Run, log
 from drivers.api import DeviceStatus, Source, Steering
-from missions.executive.events import CommandSent, FaultRaised, Logged, PerceptSeen, Stream
+from missions.executive.events import CommandSent, FaultRaised, Logged, PerceptSeen
+from missions.executive.stream import Stream
 from perception.api import Face, Marker, Percept, Thing, View
 
 OVERRIDES = frozenset({Source.SAFETY, Source.TELEOP})

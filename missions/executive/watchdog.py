@@ -11,7 +11,8 @@ from behaviours.run import Run, log
 from drivers.api.quick import dataclass
 from drivers.clock import SystemClock
 from drivers.errors import DeviceFault
-from missions.executive.events import FaultRaised, Stream
+from missions.executive.events import FaultRaised
+from missions.executive.stream import Stream
 
 GLANCE = 0.05
 """Seconds between two looks at the loop."""

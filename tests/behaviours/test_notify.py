@@ -6,8 +6,9 @@ import pytest
 
 from behaviours.leaf import SUCCESS
 from behaviours.notify import Notify
-from missions.executive.events import Event, Notified, Stream
+from missions.executive.events import Event, Notified
 from missions.executive.executive import Executive
+from missions.executive.stream import Stream
 from missions.testing.recorders import Bench
 
 

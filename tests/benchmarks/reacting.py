@@ -39,9 +39,9 @@ from drivers.virtual.terminal import Terminal
 from missions.executive.answers import Answers
 from missions.executive.asked import asked, robot_for
 from missions.executive.build import build
-from missions.executive.events import Stream
 from missions.executive.executive import Executive
 from missions.executive.proxy import Tell
+from missions.executive.stream import Stream
 from missions.language.document import check_plan
 from missions.library.drivers import load_robot
 from missions.library.things import THINGS

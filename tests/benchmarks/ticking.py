@@ -12,8 +12,9 @@ from behaviours.run import Run
 from config.faults import Source
 from drivers.clock import SystemClock
 from missions.executive.build import build
-from missions.executive.events import STATUS_WORDS, Event, NodeChanged, Stream
+from missions.executive.events import STATUS_WORDS, Event, NodeChanged
 from missions.executive.executive import Executive
+from missions.executive.stream import Stream
 from missions.language.document import check_plan
 from tests.benchmarks.table import Row, compare
 

@@ -10,8 +10,8 @@ from py_trees.common import Status
 from behaviours.leaf import RUNNING, Leaf
 from behaviours.run import Run
 from drivers.clock import SystemClock
-from missions.executive.events import Stream
 from missions.executive.executive import Executive
+from missions.executive.stream import Stream
 from tests.benchmarks.table import Row
 
 WAKES = 300

@@ -35,8 +35,9 @@ from config.faults import Source
 from config.units import in_dimension
 from drivers.clock import ManualClock
 from missions.executive.build import build
-from missions.executive.events import Event, NodeChanged, Stream
+from missions.executive.events import Event, NodeChanged
 from missions.executive.executive import Executive
+from missions.executive.stream import Stream
 from missions.language.document import check_plan
 from missions.language.nodes import MODIFIERS
 from missions.language.plan import Plan

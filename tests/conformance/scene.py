@@ -6,7 +6,7 @@ from threading import Event
 
 from behaviours.robot import Robot
 from drivers.clock import Clock, ManualClock
-from missions.executive import events
+from missions.executive import events, stream
 from missions.executive.build import build
 from missions.executive.executive import Executive, Result
 from tests.conformance.harness import Case
@@ -49,7 +49,7 @@ class Scene:
         root = build(Case("a run", "run", f"mission: run\ntree:\n  {tree}\n").plan(), self.run, lambda _: Robot())
         self.told: list[events.Event] = []
         self.at_tick: Callable[[int], None] = lambda _: None
-        self.executive = Executive(root, self.run, events.Stream([self._hear]), rate=rate, mission="run")
+        self.executive = Executive(root, self.run, stream.Stream([self._hear]), rate=rate, mission="run")
 
     @property
     def ticks(self) -> list[float]:

@@ -12,10 +12,11 @@ from behaviours.basics import Fail, Pretend
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.run import Run
 from drivers.clock import ManualClock
-from missions.executive import events
+from missions.executive import stream as streaming
 from missions.executive.composites import Composite, Selector, Sequence, adopt
-from missions.executive.events import Event, Logged, NodeChanged, Stream
+from missions.executive.events import Event, Logged, NodeChanged
 from missions.executive.executive import Executive
+from missions.executive.stream import Stream
 from tests.waiting import wait_until
 
 OUTCOMES = st.lists(st.sampled_from([RUNNING, SUCCESS, FAILURE]), min_size=1, max_size=4)
@@ -140,7 +141,7 @@ def test_ticks_in_which_nothing_happens_are_told_together() -> None:
 
     def listen(event: Event) -> None:
         heard.append(event)
-        if event.event == "tick" and event.t > 9.0 + events.LULL:
+        if event.event == "tick" and event.t > 9.0 + streaming.LULL:
             told.set()
 
     stream = Stream([listen])
@@ -149,10 +150,10 @@ def test_ticks_in_which_nothing_happens_are_told_together() -> None:
     clock.advance(9.0)
     runner.tick()
     wait_until(lambda: len(heard) == 3)
-    clock.advance(events.LULL / 2)
+    clock.advance(streaming.LULL / 2)
     runner.tick()
     assert len(heard) == 3  # though the thread that tells has nothing else to do
-    clock.advance(events.LULL)
+    clock.advance(streaming.LULL)
     runner.tick()
     assert told.wait(5.0)
     assert [event.event for event in heard[3:]] == ["tick", "tick"]
@@ -190,7 +191,7 @@ def test_a_listener_that_breaks_in_the_middle_of_a_reset_costs_the_others_nothin
 
 
 def test_changes_that_no_listener_has_time_for_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(events, "MOST_WAITING", 3)
+    monkeypatch.setattr(streaming, "MOST_WAITING", 3)
     heard: list[Event] = []
     stream = Stream([heard.append])
     stream.open()

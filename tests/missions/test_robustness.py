@@ -15,8 +15,9 @@ from drivers.clock import ManualClock
 from drivers.errors import NotConnected
 from missions.assembly.assembled import Assembled
 from missions.cli.leash import GONE, heeded
-from missions.executive.events import Event, Logged, Stream
+from missions.executive.events import Event, Logged
 from missions.executive.state import state_of
+from missions.executive.stream import Stream
 from missions.language.expressions import parse
 from missions.library.shipped import load_mission
 from missions.order import RunRequest

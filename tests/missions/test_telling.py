@@ -5,7 +5,8 @@ import pytest
 from behaviours.run import Run
 from drivers.api import Source, Steering, Velocity
 from drivers.clock import ManualClock
-from missions.executive.events import CommandSent, Event, Stream
+from missions.executive.events import CommandSent, Event
+from missions.executive.stream import Stream
 from missions.executive.telling import Teller
 
 STILL = Velocity(0.0, 0.0)

@@ -12,9 +12,10 @@ from behaviours.node import Node
 from behaviours.run import Run
 from drivers.api import HeadPose
 from drivers.clock import ManualClock
-from missions.executive.events import Event, Stream, VariableSet
+from missions.executive.events import Event, VariableSet
 from missions.executive.frozen_tick import Changes
 from missions.executive.json_lines import JsonLines, plain
+from missions.executive.stream import Stream
 
 
 class Leaf(Node):

@@ -17,7 +17,8 @@ from drivers.errors import DeviceFault
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.terminal import Terminal
 from missions.executive.events import Event as Told
-from missions.executive.events import FaultRaised, Stream
+from missions.executive.events import FaultRaised
+from missions.executive.stream import Stream
 from missions.executive.watchdog import GLANCE, Limits, Watchdog
 from missions.order import RunRequest
 from missions.runner import Runner

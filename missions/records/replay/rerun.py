@@ -16,10 +16,11 @@ from missions.assembly.together import eye, groups, with_carriers
 from missions.executive.answers import Answers
 from missions.executive.asked import asked, robot_for
 from missions.executive.build import Substitute, as_it_is, build
-from missions.executive.events import Event, NodeChanged, Stream
+from missions.executive.events import Event, NodeChanged
 from missions.executive.executive import Executive
 from missions.executive.guard import Guard
 from missions.executive.state import state_of
+from missions.executive.stream import Stream
 from missions.executive.tick_record import TickRecord
 from missions.language.plan import Plan
 from missions.records.replay.answering import answering

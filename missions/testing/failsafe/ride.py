@@ -12,8 +12,8 @@ from drivers.kobuki.steered import settings_of
 from drivers.sim.timeline import Timeline
 from drivers.sim.twins.base import BaseTwin
 from missions.executive.asked import Decided
-from missions.executive.events import Stream
 from missions.executive.guard import Guard
+from missions.executive.stream import Stream
 from missions.testing.failsafe.settings import (
     BATTERIES,
     FAULTS,

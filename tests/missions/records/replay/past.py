@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from missions.executive.events import Event, Listener
+from missions.executive.events import Event
+from missions.executive.stream import Listener
 from missions.executive.tick_record import TickRecord
 from missions.order import RunRequest
 from missions.runner import Runner

@@ -17,9 +17,10 @@ from behaviours.run import Run
 from config.faults import InvalidFileError, Source
 from drivers.clock import ManualClock
 from missions.executive.build import build
-from missions.executive.events import Event, NodeChanged, Stream
+from missions.executive.events import Event, NodeChanged
 from missions.executive.executive import Executive
 from missions.executive.parent import Parent
+from missions.executive.stream import Stream
 from missions.executive.tick_record import TickRecord
 from missions.language.document import check_plan
 from missions.language.plan import Plan

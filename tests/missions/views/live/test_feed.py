@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from types import FrameType
 
 from drivers.clock import ManualClock
-from missions.executive.events import Event, Logged, NodeChanged, Stream, Ticked, VariableSet
+from missions.executive.events import Event, Logged, NodeChanged, Ticked, VariableSet
 from missions.executive.executive import Executive
 from missions.executive.parts import PartState
+from missions.executive.stream import Stream
 from missions.views.live.feed import MOST_LINES, Feed
 from perception.api import Box, Face, Scene
 from tests.missions.views.pictures.drawn import plan_of, ready
