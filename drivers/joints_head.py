@@ -136,7 +136,8 @@ class JointsHead(LedHead[JointAxis], Generic[J]):
         super().stop()
         here, now = self._newest.value, self._now()
         if self._there and here is not None:
-            far = BEHIND * self.limits.speed + ASTRAY
+            # What was read a while ago is behind by what the joint has turned since.
+            far = (BEHIND + now - self._newest.stamp) * self.limits.speed + ASTRAY
             led = zip((here.pan, here.tilt), self._way.advance(now), strict=True)
             pan, tilt = (stands if abs(step.angle - stands) > far else None for stands, step in led)
             self._way.let_go(pan=pan, tilt=tilt, now=now)

@@ -235,6 +235,7 @@ class Board:
             if life is Life.FORGOTTEN:
                 unknown = "nobody knows whether its board has started anew, and where its servos stand"
                 self._absence.latch(unknown, graver=True)
+                self._lose()
                 self._sent = {}  # the next program is not to believe it
             return
         else:

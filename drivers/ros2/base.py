@@ -47,7 +47,7 @@ TURNED = 0.5
 FAR = 1e6
 """Metres, and metres and radians a second, that no odometry of a robot reaches."""
 
-MOST_SHARE = 2.0
+MOST_SHARE = 1.1
 """Charge from which on a battery tells it in percent, and not as a share, which may be a little over 1."""
 
 CHARGING = 1

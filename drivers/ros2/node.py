@@ -190,7 +190,11 @@ class Node:
         return Entity(role, *own, name, kind, found, qos)
 
     def _token(self, entity: Entity, owner: object = None) -> None:
-        self._keep(self._session.liveliness().declare_token(entity.token), owner)
+        try:
+            token = self._session.liveliness().declare_token(entity.token)
+        except self._zenoh.ZError as error:
+            raise NotConnected(f"ros2: {self.name}: the session of Zenoh has gone: {error}") from error
+        self._keep(token, owner)
 
     def _keep(self, declared: Any, owner: object = None) -> None:
         with self._lock:

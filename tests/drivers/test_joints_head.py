@@ -109,6 +109,24 @@ def test_held_again_and_again_by_somebody_it_stays_there_once_it_is_stopped() ->
     assert bench.truth == pytest.approx(held, abs=radians(2))
 
 
+def test_stopped_while_its_joints_were_not_read_for_a_moment_it_does_not_turn_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bench = Bench()
+    bench.open()
+    bench.neck.look(HeadPose(1.2, 0.0))
+    bench.run(0.3)
+    with monkeypatch.context() as missed:
+        states = bench.arm.states()
+        missed.setattr(bench.arm, "states", lambda: states)
+        bench.run(0.24)
+        before = bench.truth[0]
+        bench.neck.stop()
+    bench.run(1.0)
+    assert before > 0.6
+    assert bench.truth[0] > before - radians(1)
+
+
 def test_a_joint_that_has_shut_down_holds_nobody_up() -> None:
     bench = Bench()
     bench.open()
