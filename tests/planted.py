@@ -48,7 +48,7 @@ LATCH, EXECUTIVE = "missions/executive/stop_latch.py", "missions/executive/execu
 POWER = "tests/missions/testing/test_power_cut.py"
 
 FAULTS = (
-    Planted("speed limit of the base not applied", "drivers/kobuki/limits.py", "if excess == 1.0:", "if True:"),
+    Planted("speed limit of the base not applied", "drivers/base/limits.py", "if excess == 1.0:", "if True:"),
     Planted(
         "speed limit of a joint not applied",
         "drivers/sim/twins/servo.py",
@@ -63,7 +63,7 @@ FAULTS = (
         "accepted[name] = goal",
     ),
     Planted(
-        "nan let through to the base", "drivers/kobuki/requests.py", "if not (isfinite(", "if False and not (isfinite("
+        "nan let through to the base", "drivers/base/requests.py", "if not (isfinite(", "if False and not (isfinite("
     ),
     Planted("a velocity lives for 30 s", "drivers/api/steering.py", "COMMAND_LIFE = 0.3", "COMMAND_LIFE = 30.0"),
     Planted(

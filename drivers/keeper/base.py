@@ -4,13 +4,13 @@ from collections.abc import Callable
 from math import inf
 from typing import Unpack
 
+from drivers.base.plain_base import PlainBase
+from drivers.base.reckoning import TwoWheels
+from drivers.base.steered import Settings
 from drivers.clock import Clock
 from drivers.keeper import wire
-from drivers.kobuki.steered import Settings
 from drivers.lines import LineFinder
 from drivers.link import Link
-from drivers.plain_base import PlainBase
-from drivers.reckoning import TwoWheels
 
 PERIOD = 0.02
 """Seconds between two questions: how often the command is renewed."""

@@ -22,12 +22,13 @@ from drivers.api import (
     Tune,
     Velocity,
 )
+from drivers.base.requests import check_light, check_tone
+from drivers.base.steered import Settings, SteeredBase
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.kobuki.commands import BaseControl, RequestExtra, SetOutputs, SoundSequence
+from drivers.kobuki.commands import BaseControl, RequestExtra, SetOutputs, Sound, SoundSequence
 from drivers.kobuki.listener import Identity, Listener
-from drivers.kobuki.requests import TUNES, Outputs, check_light, tone
-from drivers.kobuki.steered import Settings, SteeredBase
+from drivers.kobuki.outputs import TUNES, Outputs
 from drivers.kobuki.wire import encode
 from drivers.link import Link
 
@@ -47,7 +48,8 @@ class Panel:
 
     def tone(self, frequency: float, seconds: float) -> None:
         """Play one tone of ``frequency`` hertz, for 0.255 s at most. Raises BadRequest, NotConnected."""
-        self._link.write(encode(tone(self._name, frequency, seconds)))
+        check_tone(self._name, frequency, seconds)
+        self._link.write(encode(Sound.of(frequency, seconds)))
 
     def light(self, number: int, colour: Lamp) -> None:
         """Switch light 1 or 2. Raises BadRequest for another, NotConnected."""

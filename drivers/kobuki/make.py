@@ -1,9 +1,9 @@
 """From the keys of a robot file to the Kobuki's driver."""
 
 from drivers.api.driver import Site
+from drivers.base.steered import settings_of
 from drivers.kobuki.declared import KobukiKeys
 from drivers.kobuki.driver import KobukiBase
-from drivers.kobuki.steered import settings_of
 from drivers.link import Link
 
 

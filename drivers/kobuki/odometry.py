@@ -7,7 +7,6 @@ from functools import cache
 from math import cos, radians, sin
 
 from drivers.api import STILL, BaseState, DockBeam, DockSignals, Pose2D, Sides, Velocity
-from drivers.api.quick import dataclass
 from drivers.kobuki.feedback import DROPPED_LEFT, DROPPED_RIGHT, METRES_PER_TICK, Core, DockInfrared, Inertia, Side
 
 GAP = 1.0
@@ -112,27 +111,6 @@ class Senses:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Change:
-    """What is new since the state before.
-
-    ``faults`` says in words what the base now refuses; ``felt`` is True when any contact or button changed.
-    """
-
-    faults: tuple[str, ...]
-    felt: bool
-
-
-def compare(before: BaseState | None, after: BaseState) -> Change:
-    """Compare two states; before the first one nothing was felt."""
-    faults = []
-    if drop := _risen(before.wheel_drop if before else Sides(), after.wheel_drop):
-        faults.append(f"wheel drop {drop}: it does not drive")
-    if cliff := _risen(before.cliff if before else Sides(), after.cliff):
-        faults.append(f"cliff {cliff}: it does not drive forward")
-    return Change(tuple(faults), _contacts(before) != _contacts(after))
-
-
 def battery_percent(voltage: float, full_voltage: float = FULL_VOLTAGE) -> float:
     """Return the charge in 0..100 percent by the straight line of the vendor's driver: 5 at empty, 100 at full."""
     return min(max(5 + 95 * (voltage - EMPTY_VOLTAGE) / (full_voltage - EMPTY_VOLTAGE), 0.0), 100.0)
@@ -157,15 +135,3 @@ def _wheels(bits: int, *, left: int, right: int) -> Sides:
 @cache
 def _buttons(bits: int) -> frozenset[int]:
     return frozenset(number for number in range(3) if bits >> number & 1)
-
-
-def _risen(before: Sides, after: Sides) -> str:
-    """Name the sides that have come on."""
-    names = ("left", "centre", "right")
-    return " and ".join(name for name in names if getattr(after, name) and not getattr(before, name))
-
-
-def _contacts(state: BaseState | None) -> tuple[Sides, Sides, Sides, frozenset[int]]:
-    if state is None:
-        return Sides(), Sides(), Sides(), frozenset()
-    return state.bumper, state.cliff, state.wheel_drop, state.buttons

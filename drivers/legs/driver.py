@@ -30,17 +30,17 @@ from drivers.api import (
 )
 from drivers.api import Posture as Poised
 from drivers.api.gait import GaitKeys
+from drivers.base.mute import Mute
+from drivers.base.requests import require
+from drivers.base.steered import Settings, SteeredBase
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, DriverError, NotConnected
-from drivers.kobuki.requests import require
-from drivers.kobuki.steered import Settings, SteeredBase
 from drivers.legs.acts import Acts
 from drivers.legs.approach import is_near
 from drivers.legs.body import Floats
 from drivers.legs.compensation import Compensation
 from drivers.legs.engine import PERIOD, Engine, Felt, Posture
 from drivers.legs.falling import Falls
-from drivers.mute import Mute
 
 LONGEST_STEP = 0.03
 """Seconds of a walk that are made up for at most after a turn that came late: the walk is slower then, and no leap."""

@@ -5,9 +5,9 @@ from typing import Any
 
 from drivers.api import Imu, Joints
 from drivers.api.driver import Site
+from drivers.base.steered import settings_of
 from drivers.dynamixel.commanded import CommandedJoints
 from drivers.dynamixel.motor import motor_of
-from drivers.kobuki.steered import settings_of
 from drivers.legs.balance import Balance
 from drivers.legs.body import body_of
 from drivers.legs.compensation import Compensation

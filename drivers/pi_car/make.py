@@ -5,10 +5,10 @@ from typing import Any
 
 from drivers.api.driver import Site
 from drivers.arduino.make import axis
+from drivers.base.steered import settings_of
 from drivers.keeper import wire
 from drivers.keeper.base import KeeperBase
 from drivers.keeper.head import KeeperHead
-from drivers.kobuki.steered import settings_of
 from drivers.link import Link, dial
 from drivers.pi_car.declared import MotorKeys, PiCarKeys, PiHeadKeys
 from drivers.pi_car.dial import CURE, Guarded

@@ -6,13 +6,13 @@ from math import atan2, cos, inf, isfinite, remainder, sin, tau
 from typing import Any, Unpack
 
 from drivers.api import STILL, BaseState, Lamp, Pose2D, Sides, Tune, Velocity
+from drivers.base.plain_base import RESTING, PlainBase
+from drivers.base.reckoning import TwoWheels
+from drivers.base.requests import check_light, check_tone
+from drivers.base.steered import Settings
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.kobuki.requests import check_light, tone
-from drivers.kobuki.steered import Settings
 from drivers.link import Link
-from drivers.plain_base import RESTING, PlainBase
-from drivers.reckoning import TwoWheels
 from drivers.ros2 import create3, wire
 from drivers.ros2.line import Channel, absent
 from drivers.ros2.types import Malformed, types
@@ -117,7 +117,7 @@ class Ros2Base(PlainBase):
 
     def tone(self, frequency: float, seconds: float) -> None:
         """Play a tone, where it has a sounder. Raises BadRequest, NotConnected."""
-        tone(self.name, frequency, seconds)
+        check_tone(self.name, frequency, seconds)
         self._require()
         self._tell_topic("sounds", create3.notes([round(frequency)], seconds))
 

@@ -6,10 +6,10 @@ from math import pi
 
 from drivers.api import JointLimits
 from drivers.api.driver import Site
+from drivers.base.steered import settings_of
 from drivers.camera.threaded import ThreadedCamera
 from drivers.errors import BadRequest
 from drivers.joints_head import JointAxis
-from drivers.kobuki.steered import settings_of
 from drivers.ros2 import base as bases
 from drivers.ros2.camera import TopicFeed
 from drivers.ros2.declared import (

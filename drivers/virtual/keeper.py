@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from threading import RLock
 
 from drivers.api import Pose2D
+from drivers.base.reckoning import TwoWheels
 from drivers.keeper import wire
 from drivers.keeper.keeper import Keeper, Servos, Wheels
-from drivers.reckoning import TwoWheels
 from drivers.sim.body import Body
 from drivers.sim.servo import SERVO_SPEED, Shaft
 

@@ -7,13 +7,13 @@ from drivers.api import HeadPose, Pose2D
 from drivers.arduino.axis import ServoAxis
 from drivers.arduino.declared import ArduinoKeys, SecondKeys, TwoServoKeys
 from drivers.arduino.make import axis
+from drivers.base.reckoning import TwoWheels
 from drivers.dynamixel.declared import DynamixelKeys, NeckJointKeys, NeckKeys
 from drivers.kobuki.declared import KobukiKeys
 from drivers.legs.body import body_of
 from drivers.legs.declared import LegsKeys
 from drivers.legs.odometry import FootOdometry
 from drivers.pi_car.declared import PiCarKeys, PiHeadKeys
-from drivers.reckoning import TwoWheels
 from drivers.rplidar.declared import RPLidarKeys
 from drivers.sim.scanner import looking
 from drivers.sim.stage import Stage

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from drivers.api import Image, Lamp, Pose2D, Sides, Velocity
-from drivers.reckoning import Reckoning
+from drivers.base.reckoning import Reckoning
 from drivers.ros2 import create3, wire
 from drivers.ros2.base import KINDS, SENT
 from drivers.ros2.camera import IMAGES

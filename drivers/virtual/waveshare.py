@@ -5,7 +5,7 @@ from math import inf
 from threading import RLock
 
 from drivers.api import Pose2D, Velocity
-from drivers.reckoning import TwoWheels
+from drivers.base.reckoning import TwoWheels
 from drivers.sim.body import Body
 from drivers.waveshare import wire
 

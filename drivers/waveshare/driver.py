@@ -5,12 +5,12 @@ from math import inf
 from typing import Unpack
 
 from drivers.api import DeviceStatus
+from drivers.base.plain_base import ASKING, PlainBase
+from drivers.base.reckoning import TwoWheels
+from drivers.base.steered import Settings
 from drivers.clock import Clock
-from drivers.kobuki.steered import Settings
 from drivers.lines import LineFinder
 from drivers.link import Link
-from drivers.plain_base import ASKING, PlainBase
-from drivers.reckoning import TwoWheels
 from drivers.waveshare import wire
 
 PERIOD = 0.02

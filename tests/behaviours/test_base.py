@@ -14,12 +14,12 @@ from behaviours.driving.turning import Turn
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot
 from drivers.api import BaseState, Pose2D, Quality, Reading, Sides, Source, Velocity
+from drivers.base.limits import Limits
+from drivers.base.velocity_multiplexer import VelocityMultiplexer
 from drivers.clock import ManualClock
 from drivers.errors import DeviceFault
 from drivers.kobuki.feedback import METRES_PER_TICK, Core, Inertia
-from drivers.kobuki.limits import Limits
 from drivers.kobuki.odometry import Odometry
-from drivers.kobuki.velocity_multiplexer import VelocityMultiplexer
 from drivers.sim.wheels import Wheels
 from missions.testing.recorders import GONE, STOP, Bench, RecordedBase, good, none, stale
 

@@ -17,7 +17,7 @@ from behaviours.driving.turning import Turn
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.robot import Robot
 from drivers.api import BaseLimits, BaseState, Pose2D, Sides, Source, Steering, Velocity
-from drivers.kobuki.limits import Limits
+from drivers.base.limits import Limits
 from missions.testing.recorders import STOP, Bench, RecordedBase, good
 from tests.behaviours.test_base import Track
 

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import pytest
 
 from drivers.api import BASE_RADIUS, Lamp, Pose2D, Tune
+from drivers.base.reckoning import TwoWheels
 from drivers.errors import BadRequest
 from drivers.keeper.base import KeeperBase
-from drivers.reckoning import TwoWheels
 from drivers.sim.body import Body
 from drivers.sim.twins.plain_base import PlainTwin
 from drivers.virtual.keeper import VirtualCar

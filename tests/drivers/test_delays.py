@@ -3,11 +3,11 @@
 import pytest
 
 from drivers.api import Source, Velocity
+from drivers.base.limits import Limits
+from drivers.base.velocity_multiplexer import VelocityMultiplexer
 from drivers.delays import Delays
 from drivers.dynamixel.bus import At
 from drivers.errors import NoReply
-from drivers.kobuki.limits import Limits
-from drivers.kobuki.velocity_multiplexer import VelocityMultiplexer
 from drivers.virtual.kobuki import VirtualKobuki
 from tests.drivers.chains import chain
 from tests.drivers.lines import direct_bus

@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 from config.faults import InvalidFileError
 from drivers.api import DeviceStatus, HeadPose, Velocity
 from drivers.arduino.axis import ServoAxis
+from drivers.base.reckoning import TwoWheels
 from drivers.errors import DeviceFault, DriverError
 from drivers.keeper import wire
 from drivers.keeper.base import KeeperBase
 from drivers.keeper.head import KeeperHead
 from drivers.keeper.keeper import SERVO_SPEED, Keeper, Servos, Wheels
-from drivers.reckoning import TwoWheels
 from drivers.sim.body import Body
 from drivers.sim.timeline import Timeline
 from drivers.virtual.keeper import VirtualCar, VirtualServos

@@ -25,12 +25,12 @@ from drivers.api import (
     Velocity,
     ignore,
 )
+from drivers.base.limits import Limits
 from drivers.clock import Clock, ManualClock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, Extra, GetGains, SetGains, Sound
 from drivers.kobuki.driver import DOZE, SILENT_AFTER, TIMES, KobukiBase
 from drivers.kobuki.feedback import FEEDBACK, METRES_PER_TICK, Core, Gains, Inertia
-from drivers.kobuki.limits import Limits
 from drivers.kobuki.odometry import Odometry, Senses, battery_percent
 from drivers.kobuki.wire import BAUD, HEADER, FrameFinder, Part, decode, encode
 from drivers.link import Link, Talker

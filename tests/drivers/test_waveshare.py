@@ -7,8 +7,8 @@ from random import Random
 import pytest
 
 from drivers.api import DeviceStatus, Velocity
+from drivers.base.reckoning import Reckoning, TwoWheels
 from drivers.lines import LineFinder
-from drivers.reckoning import Reckoning, TwoWheels
 from drivers.sim.body import Body
 from drivers.sim.timeline import Timeline
 from drivers.virtual.waveshare import VOLTS, VirtualWaveshare

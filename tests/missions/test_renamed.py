@@ -20,7 +20,6 @@ FORMER = (
     ("drivers.api", "unreported", "ignore"),
     ("drivers.api", "unsteered", "ignore"),
     ("drivers.dynamixel.head", "DynamixelHead", "drivers.joints_head.NeckDriver"),
-    ("drivers.kobuki.helm", "Helm", "drivers.kobuki.velocity_multiplexer.VelocityMultiplexer"),
     ("missions.order", "Order", "RunRequest"),
     ("missions.testing.recorders", "Recorder", "Spy"),
 )

@@ -16,13 +16,13 @@ from drivers.api import (
     Sides,
     Velocity,
 )
+from drivers.base.steered import Settings, SteeredBase
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.kobuki.commands import BaseControl
 from drivers.kobuki.driver import SILENT_AFTER, STALE_AFTER
 from drivers.kobuki.feedback import Core, Inertia
 from drivers.kobuki.odometry import Odometry
-from drivers.kobuki.steered import Settings, SteeredBase
 from drivers.sim.body import NOTHING, Body, either
 from drivers.sim.dock import NO_SIGNALS
 from drivers.sim.twins.panel import PanelTwin

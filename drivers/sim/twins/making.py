@@ -4,15 +4,15 @@ from drivers.api import Away
 from drivers.api.sections import BaseKeys
 from drivers.arduino.declared import ArduinoKeys, SecondKeys, TwoServoKeys
 from drivers.arduino.make import axis as servo
+from drivers.base.reckoning import TwoWheels
+from drivers.base.steered import settings_of
 from drivers.dynamixel.declared import DynamixelKeys, NeckKeys
 from drivers.dynamixel.make import axis as joint
 from drivers.dynamixel.make import joints
-from drivers.kobuki.steered import settings_of
 from drivers.legs.declared import LegsKeys
 from drivers.legs.make import compensation, feeling, torques
 from drivers.legs.make import engine as walking
 from drivers.pi_car.declared import PiCarKeys, PiHeadKeys
-from drivers.reckoning import TwoWheels
 from drivers.rplidar.declared import RPLidarKeys
 from drivers.sim.scanner import looking
 from drivers.sim.stage import Stage

@@ -1,7 +1,7 @@
 """What the twin of a Kobuki has beside its wheels: tunes and lights, noted where nobody hears or sees them."""
 
 from drivers.api import Lamp, Tune
-from drivers.kobuki.requests import LIGHTS, check_light, tone
+from drivers.base.requests import LIGHTS, check_light, check_tone
 from drivers.sim.twins.plug import Plug
 
 
@@ -24,7 +24,7 @@ class PanelTwin:
 
     def tone(self, frequency: float, seconds: float) -> None:
         """Note a tone in ``played``. Raises BadRequest, NotConnected."""
-        tone(self._name, frequency, seconds)
+        check_tone(self._name, frequency, seconds)
         self.plug.require()
         self.played.append((frequency, seconds))
 

@@ -4,15 +4,15 @@ from dataclasses import replace
 from typing import Unpack
 
 from drivers.api import BaseState, Velocity
+from drivers.base.reckoning import Reckoning, TwoWheels
+from drivers.base.steered import Settings
 from drivers.clock import Clock
-from drivers.kobuki.steered import Settings
-from drivers.reckoning import Reckoning, TwoWheels
 from drivers.sim.body import NOTHING, Body
 from drivers.sim.twins.base import BaseTwin, Contacts
 
 
 class PlainTwin(BaseTwin):
-    """A ``drivers.api.Base`` made of arithmetic, as ``drivers.plain_base.PlainBase``; see ``BaseTwin``.
+    """A ``drivers.api.Base`` made of arithmetic, as ``drivers.base.plain_base.PlainBase``; see ``BaseTwin``.
 
     Whatever ``body`` bumps into, it does not feel it. Where it is ``reckoned``, its pose is what it was told, added up;
     without a ``gauge`` it measures no battery.

@@ -9,9 +9,9 @@ from typing import Any
 from drivers.api import GoalState, Health, Pose2D, Progress, Quality, Reading, Report, ignore
 from drivers.api.ros2 import START, Place
 from drivers.api.sections import Ros2Keys
+from drivers.base.reckoning import TwoWheels
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DriverError, NotConnected
-from drivers.reckoning import TwoWheels
 from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
 from drivers.ros2.reasons import reason
 from drivers.ros2.requests import ENDED

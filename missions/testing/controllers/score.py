@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from math import radians, sqrt
 
-from drivers.kobuki.limits import BRAKING
+from drivers.base.limits import BRAKING
 from missions.testing.controllers.scenario import Body, Scenario, stands
 from missions.testing.controllers.trial import BASE, HEAD, Trace
 

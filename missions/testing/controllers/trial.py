@@ -14,7 +14,7 @@ from behaviours.tracking.rules import RuleBases
 from behaviours.tracking.track_face import TrackFace
 from drivers.api import HeadLimits, HeadPose
 from drivers.arduino.axis import ServoAxis
-from drivers.kobuki.limits import Limits
+from drivers.base.limits import Limits
 from drivers.sim.body import Body as KobukiBody
 from drivers.sim.timeline import Timeline
 from drivers.sim.twins.base import BaseTwin

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, cast
 from behaviours.run import Run
 from drivers.api import Base, BaseState, Report, Sides, Source, Steered, Velocity, ignore
 from drivers.api.quick import dataclass
+from drivers.base.steered import settings_of
 from drivers.errors import DriverError, NotConnected
-from drivers.kobuki.steered import settings_of
 from drivers.sim.timeline import Timeline
 from drivers.sim.twins.base import BaseTwin
 from missions.executive.asked import Decided
@@ -164,7 +164,7 @@ class Ride:
 
 @dataclass(frozen=True, slots=True)
 class Nobody:
-    """Whom a base tells that nobody watches: a ``drivers.kobuki.steered.Told``."""
+    """Whom a base tells that nobody watches: a ``drivers.base.steered.Told``."""
 
     report: Report = ignore
     changed: Callable[[], None] = ignore

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from math import degrees
 
 from drivers.api import Source
-from drivers.kobuki.velocity_multiplexer import ONLY_LIMITED
+from drivers.base.velocity_multiplexer import ONLY_LIMITED
 from missions.testing.failsafe.ride import AWAY, Moment
 
 WHO = {Source.MISSION: "the mission", Source.TELEOP: "the person"}

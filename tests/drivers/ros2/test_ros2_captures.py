@@ -16,7 +16,7 @@ import pytest
 from config.library import find
 from config.robot import RobotConfig
 from drivers.api.driver import Site
-from drivers.kobuki.steered import settings_of
+from drivers.base.steered import settings_of
 from drivers.ros2 import wire
 from drivers.ros2.base import KINDS, SENT, Ros2Base
 from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys

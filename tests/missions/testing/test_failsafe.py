@@ -6,8 +6,8 @@ from random import Random
 import pytest
 
 from drivers.api import Sides
+from drivers.base.steered import settings_of
 from drivers.kobuki.driver import DOZE, KobukiBase
-from drivers.kobuki.steered import settings_of
 from drivers.sim.timeline import Timeline
 from drivers.virtual.kobuki import VirtualKobuki
 from missions.testing.failsafe.ride import Moment, Nobody, Ride, stepped_through

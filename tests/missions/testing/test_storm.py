@@ -15,8 +15,8 @@ from behaviours.leaf import Leaf
 from behaviours.mirror import Mirror as Led
 from behaviours.stopping import Stopping
 from drivers.api import ignore
+from drivers.base.steered import SteeredBase
 from drivers.errors import DeviceFault
-from drivers.kobuki.steered import SteeredBase
 from drivers.sim.twins.joints import JointsTwin
 from missions.executive.asked import Decided
 from missions.executive.executive import Executive

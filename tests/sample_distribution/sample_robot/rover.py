@@ -28,11 +28,11 @@ from drivers.api import (
     ignore,
 )
 from drivers.api.driver import Site
+from drivers.base.limits import Limits
+from drivers.base.velocity_multiplexer import VelocityMultiplexer
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.history import History
-from drivers.kobuki.limits import Limits
-from drivers.kobuki.velocity_multiplexer import VelocityMultiplexer
 from drivers.link import Link
 from sample_robot.declared import RoverKeys
 

@@ -20,12 +20,12 @@ from drivers.api import (
     Reading,
     Velocity,
 )
+from drivers.base.mute import Mute
+from drivers.base.reckoning import Reckoning, TwoWheels
+from drivers.base.steered import Settings, SteeredBase
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.kobuki.steered import Settings, SteeredBase
 from drivers.link import Link
-from drivers.mute import Mute
-from drivers.reckoning import Reckoning, TwoWheels
 
 STALE_AFTER = 0.15
 """Seconds after which a report no longer counts as fresh."""

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 
 from drivers.api import Lamp, Tune
-from drivers.kobuki.requests import check_light, tone
+from drivers.base.requests import check_light, check_tone
 
 
 class Mute:
@@ -21,7 +21,7 @@ class Mute:
 
     def tone(self, frequency: float, seconds: float) -> None:
         """Do nothing: it has no sounder. Raises BadRequest, NotConnected."""
-        tone(self.name, frequency, seconds)
+        check_tone(self.name, frequency, seconds)
         self._require()
 
     def light(self, number: int, colour: Lamp) -> None:  # noqa: ARG002 - it has none to show it

@@ -20,14 +20,14 @@ from drivers.api import (
 )
 from drivers.api.gait import GaitKeys
 from drivers.api.sections import BaseKeys
+from drivers.base.changes import compare
+from drivers.base.limits import Limits
+from drivers.base.requests import check, require
+from drivers.base.velocity_multiplexer import VelocityMultiplexer
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
 from drivers.guard import guarded
 from drivers.history import History
-from drivers.kobuki.limits import Limits
-from drivers.kobuki.odometry import compare
-from drivers.kobuki.requests import check, require
-from drivers.kobuki.velocity_multiplexer import VelocityMultiplexer
 
 
 class Settings(TypedDict, total=False):

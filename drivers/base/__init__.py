@@ -1,0 +1,1 @@
+"""What every mobile base shares: arbitration, reflexes, limits, dead reckoning, and a base without sensors."""

@@ -1,0 +1,37 @@
+"""Differences between two states of a base that are worth reporting."""
+
+from drivers.api import BaseState, Sides
+from drivers.api.quick import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What is new since the state before.
+
+    ``faults`` says in words what the base now refuses; ``felt`` is True when any contact or button changed.
+    """
+
+    faults: tuple[str, ...]
+    felt: bool
+
+
+def compare(before: BaseState | None, after: BaseState) -> Change:
+    """Compare two states; before the first one nothing was felt."""
+    faults = []
+    if drop := _risen(before.wheel_drop if before else Sides(), after.wheel_drop):
+        faults.append(f"wheel drop {drop}: it does not drive")
+    if cliff := _risen(before.cliff if before else Sides(), after.cliff):
+        faults.append(f"cliff {cliff}: it does not drive forward")
+    return Change(tuple(faults), _contacts(before) != _contacts(after))
+
+
+def _risen(before: Sides, after: Sides) -> str:
+    """Name the sides that have come on."""
+    names = ("left", "centre", "right")
+    return " and ".join(name for name in names if getattr(after, name) and not getattr(before, name))
+
+
+def _contacts(state: BaseState | None) -> tuple[Sides, Sides, Sides, frozenset[int]]:
+    if state is None:
+        return Sides(), Sides(), Sides(), frozenset()
+    return state.bumper, state.cliff, state.wheel_drop, state.buttons
