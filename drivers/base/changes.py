@@ -2,16 +2,20 @@
 
 from drivers.api import BaseState, Sides
 from drivers.api.quick import dataclass
+from drivers.base.hazards import describe
+
+ON_THE_FLOOR = "stand the base on the floor, away from the edge"
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
     """What is new since the state before.
 
-    ``faults`` says in words what the base now refuses; ``felt`` is True when any contact or button changed.
+    ``faults`` says in words what the base now refuses, each with a hint; ``felt`` is True when any contact, button or
+    hazard changed.
     """
 
-    faults: tuple[str, ...]
+    faults: tuple[tuple[str, str], ...]
     felt: bool
 
 
@@ -19,9 +23,12 @@ def compare(before: BaseState | None, after: BaseState) -> Change:
     """Compare two states; before the first one nothing was felt."""
     faults = []
     if drop := _risen(before.wheel_drop if before else Sides(), after.wheel_drop):
-        faults.append(f"wheel drop {drop}: it does not drive")
+        faults.append((f"wheel drop {drop}: it does not drive", ON_THE_FLOOR))
     if cliff := _risen(before.cliff if before else Sides(), after.cliff):
-        faults.append(f"cliff {cliff}: it does not drive forward")
+        faults.append((f"cliff {cliff}: it does not drive forward", ON_THE_FLOOR))
+    if after.hazards:
+        new = after.hazards - (before.hazards if before else frozenset())
+        faults += [fault for hazard in sorted(new) if (fault := describe(hazard)) is not None]
     return Change(tuple(faults), _contacts(before) != _contacts(after))
 
 
@@ -31,7 +38,7 @@ def _risen(before: Sides, after: Sides) -> str:
     return " and ".join(name for name in names if getattr(after, name) and not getattr(before, name))
 
 
-def _contacts(state: BaseState | None) -> tuple[Sides, Sides, Sides, frozenset[int]]:
+def _contacts(state: BaseState | None) -> tuple[Sides, Sides, Sides, frozenset[int], frozenset[str]]:
     if state is None:
-        return Sides(), Sides(), Sides(), frozenset()
-    return state.bumper, state.cliff, state.wheel_drop, state.buttons
+        return Sides(), Sides(), Sides(), frozenset(), frozenset()
+    return state.bumper, state.cliff, state.wheel_drop, state.buttons, state.hazards

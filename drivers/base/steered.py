@@ -205,13 +205,12 @@ class SteeredBase(ABC):
             self._report(DeviceStatus(self.name, "online", what))
 
     def _tell(self, before: BaseState | None, states: Iterable[BaseState]) -> None:
-        """Tell what has changed of contacts and buttons, from state to state."""
+        """Tell what has changed of contacts, buttons and hazards, from state to state."""
         felt = False
         for state in states:
             change = compare(before, state)
             felt = felt or change.felt
-            for fault in change.faults:
-                hint = "stand the base on the floor, away from the edge"
+            for fault, hint in change.faults:
                 self._report(DeviceStatus(self.name, "fault", fault, hint))
             before = state
         if felt:

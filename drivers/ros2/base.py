@@ -1,7 +1,6 @@
 """A base that is driven by ROS 2: its velocity a Twist or a TwistStamped, its pose from Odometry."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from math import atan2, cos, inf, isfinite, remainder, sin, tau
 from typing import Any, Unpack
 
@@ -80,8 +79,7 @@ class Ros2Base(PlainBase):
         self._kinds: dict[str, tuple[str, ...]] = {}
         self._origin: tuple[Pose2D, Pose2D] | None = None  # a pose as it was told, and what that is for us
         self._raw: tuple[Pose2D, float] | None = None
-        self._contacts = (Sides(), Sides(), Sides())
-        self._brief = (Sides(), Sides(), Sides())  # felt since the last odometry
+        self._hazards = self._brief = create3.HazardReport()  # now; and since the last odometry
         self._felt_at = -inf
         self._battery = (0.0, 100.0, False)
         self._docked = self._of_hundred = False
@@ -186,10 +184,10 @@ class Ros2Base(PlainBase):
             case "odom" if not self._twofold:
                 self._odometry(told, now)
             case "hazards":
-                self._feel(create3.felt(told.detections), now)
+                self._feel(create3.report_of(told.detections), now)
             case "sensors":
                 # The cliff of a TurtleBot 3 is a bare figure of a sensor that few have: its bumper alone counts.
-                self._feel((Sides(centre=told.bumper != 0), Sides(), Sides()), now)
+                self._feel(create3.HazardReport(Sides(centre=told.bumper != 0)), now)
             case "dock":
                 self._docked = bool(told.is_docked)
             case "battery":
@@ -208,9 +206,9 @@ class Ros2Base(PlainBase):
         percent = min(share if self._of_hundred else 100 * share, 100.0) if measured else 100.0
         return volts if isfinite(volts) else 0.0, percent, told.power_supply_status == CHARGING
 
-    def _feel(self, contacts: tuple[Sides, Sides, Sides], now: float) -> None:
-        self._contacts, self._felt_at = contacts, now
-        self._brief = tuple(map(_either, self._brief, contacts))  # type: ignore[assignment]
+    def _feel(self, hazards: create3.HazardReport, now: float) -> None:
+        self._hazards, self._felt_at = hazards, now
+        self._brief |= hazards
 
     def _odometry(self, told: Any, now: float) -> None:
         at, turned, moves = told.pose.pose.position, told.pose.pose.orientation, told.twist.twist
@@ -219,12 +217,12 @@ class Ros2Base(PlainBase):
             raise ValueError("odometry of no robot")
         raw = Pose2D(at.x, at.y, yaw(turned))
         pose = self._placed(raw, now, told.header.frame_id.lstrip("/"))  # a slash that tf refuses
-        (bumper, cliff, drop), self._brief = self._brief, self._contacts
+        felt, self._brief = self._brief, self._hazards
         volts, percent, charging = self._battery
         velocity = Velocity(moves.linear.x, moves.angular.z)
         before = self._latest.value
         state = BaseState(
-            pose, velocity, bumper, cliff, drop,
+            pose, velocity, felt.bumper, felt.cliff, felt.wheel_drop, hazards=felt.others,
             battery_voltage=volts, battery_percent=percent, charging=charging, docked=self._docked,
         )  # fmt: skip
         self._tell(before, [state])
@@ -264,10 +262,6 @@ class Ros2Base(PlainBase):
             self._send(STILL)
         except NotConnected:
             return
-
-
-def _either(one: Sides, other: Sides) -> Sides:
-    return replace(one, left=one.left or other.left, centre=one.centre or other.centre, right=one.right or other.right)
 
 
 def _undone(raw: Pose2D, here: Pose2D) -> Pose2D:

@@ -75,7 +75,7 @@ class Ros2BaseKeys(BaseKeys):
     cmd_vel: str = key(default="cmd_vel", help="The topic of its velocity: a Twist or a TwistStamped.")
     odom: str = key(default="odom", help="The topic of its odometry.")
     battery: str = key(default="", help="The topic of its battery (sensor_msgs/BatteryState); none without.")
-    hazards: str = key(default="", help="The topic of a Create 3's bumpers, cliffs and wheel drops; none without.")
+    hazards: str = key(default="", help="The topic of a Create 3's hazards (HazardDetectionVector); none without.")
     dock: str = key(default="", help="The topic of a Create 3's dock (DockStatus); none without.")
     lights: str = key(default="", help="The topic of a Create 3's ring of lights; none without.")
     sounds: str = key(default="", help="The topic of a Create 3's sounds; none without.")

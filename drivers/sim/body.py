@@ -5,6 +5,7 @@ from math import cos, degrees, inf, remainder, sin, tau
 
 from drivers.api import BASE_RADIUS, STILL, DockSignals, Pose2D, Sides, Velocity
 from drivers.kobuki.feedback import METRES_PER_TICK
+from drivers.sim.backup_limit import BackupLimit
 from drivers.sim.battery import Battery
 from drivers.sim.dock import NO_SIGNALS
 from drivers.sim.ground import Ground, OpenFloor
@@ -44,7 +45,7 @@ class Body:
     a wheel over an edge it goes nowhere until it is put down elsewhere (``wheels.pose``), nor does it while ``lifted``.
     Its ``battery`` is one that keeps what it has, unless another is given. It is ``docked`` on the contacts of the dock
     of its ground, and wherever it stands while it is ``fed``. ``bumper``, ``cliff``, ``wheel_drop`` and ``docked`` are
-    as of the last ``advance``.
+    as of the last ``advance``. ``backup_limit`` is that of a Create 3; a base whose ``e_stop`` is on obeys no velocity.
     """
 
     def __init__(
@@ -52,7 +53,8 @@ class Body:
     ) -> None:
         self.wheels = wheels or Wheels()
         self.battery = battery or Battery()
-        self.lifted = self.docked = self.fed = False
+        self.lifted = self.docked = self.fed = self.e_stop = False
+        self.backup_limit: BackupLimit | None = None
         self.bumper = self.cliff = NOTHING
         self._ground = ground or OpenFloor()
         self._dock = self._ground.dock
@@ -62,6 +64,7 @@ class Body:
         self._held: tuple[float, float] | None = None  # what the wheels had rolled when something came to hold it up
         self._now: float | None = None
         self._commanded_at = inf
+        self._commanded = (0.0, 0.0)
 
     @property
     def pose(self) -> Pose2D:
@@ -111,8 +114,8 @@ class Body:
     def command(self, linear: float, angular: float, now: float) -> None:
         """Ask for ``linear`` m/s and ``angular`` rad/s at time ``now``, for ``COMMAND_TIMEOUT`` seconds."""
         self.advance(now)
-        self.wheels.command(linear, angular, now)
-        self._commanded_at = now
+        self._commanded_at, self._commanded = now, (linear, angular)
+        self._tell_wheels(now)
 
     def advance(self, now: float) -> Pose2D:
         """Roll on until time ``now`` and return the true pose. Time that does not rise changes nothing."""
@@ -127,6 +130,13 @@ class Body:
         if self._powered or self.fed or self.docked:
             self._draw(now)
         return self.wheels.pose
+
+    def _tell_wheels(self, now: float) -> None:
+        """Tell the wheels what of the command is obeyed."""
+        linear, angular = (0.0, 0.0) if self.e_stop else self._commanded
+        if self.backup_limit is not None and self.backup_limit.reached:
+            linear = max(linear, 0.0)
+        self.wheels.command(linear, angular, now)
 
     def _roll(self, now: float) -> None:
         if self._now is None:
@@ -144,10 +154,12 @@ class Body:
 
     def _move(self, now: float) -> None:
         """Make one step, as far as what is in the way allows."""
-        before = self.wheels.pose
+        before, rolled = self.wheels.pose, self.wheels.left + self.wheels.right
         if before is not self._felt_at:
             self._look_down(before)  # it was put down here
         after = self.wheels.advance(now)
+        if self.backup_limit is not None:
+            self._limit_backing(self.backup_limit, (self.wheels.left + self.wheels.right - rolled) / 2, now)
         held, self._held = self._held, None
         if self.lifted or self._edge:
             after = before
@@ -160,6 +172,16 @@ class Body:
         if after is not self._felt_at:
             self._look_down(after)
         self.bumper = _pressed(touched, after.heading) if touched else NOTHING
+
+    def _limit_backing(self, limit: BackupLimit, way: float, now: float) -> None:
+        """Brake once it has backed as far as it may."""
+        before = limit.reached
+        if self.lifted:
+            limit.lift()
+        elif way:
+            limit.roll(way)
+        if limit.reached and not before and self._commanded_at < inf:
+            self._tell_wheels(now)
 
     def _touched(self, pose: Pose2D, now: float) -> Sequence[float]:
         """Return the directions in which it touches something solid at ``pose``, in radians in the world's frame."""

@@ -21,6 +21,7 @@ from drivers.ros2.declared import (
 from drivers.ros2.make import domain_of, joints_of_arm, joints_of_head, topics_of
 from drivers.ros2.node import Node, Publisher
 from drivers.ros2.session import Access, open_session
+from drivers.sim.backup_limit import BackupLimit
 from drivers.sim.render import Renderer
 from drivers.sim.scanner import looking
 from drivers.sim.stage import Stage
@@ -147,6 +148,8 @@ def base(keys: Ros2BaseKeys, stage: Stage) -> Plugged:
     """Return a virtual base."""
     full = _full(stage)
     device = VirtualBase(stage.body(), {word: full(name) for word, name in topics_of(keys).items()})
+    if keys.hazards:  # a Create 3
+        device.body.backup_limit = BackupLimit()
     terminal = _terminal(stage)
     nodes: ZenohKeys = stage.keys["ros2"]
     terminal.devices += [device, VirtualFrames(device, "/tf")]

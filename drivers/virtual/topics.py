@@ -91,7 +91,8 @@ class Topics:
 class VirtualBase(Topics):
     """A base of ROS 2 with a ``body``; ``stamped`` has it listen to TwistStamped.
 
-    It feels what its body feels, and what is set from outside: ``bumper``, ``cliff``, ``wheel_drop``. Its odometry
+    It feels what its body feels, and what is set from outside: ``bumper``, ``cliff``, ``wheel_drop``, and ``hazards``,
+    each a type and the frame where it is felt. Its odometry
     begins at ``origin``, as that of a robot that has driven before. ``steered`` may drive it instead, while it returns
     a velocity: as Nav2 does. ``velocities`` are those that it was told, with their times.
     """
@@ -110,6 +111,7 @@ class VirtualBase(Topics):
         )
         self.body, self.origin = body, origin
         self.bumper = self.cliff = self.wheel_drop = Sides()
+        self.hazards: list[tuple[int, str]] = []
         self.lamps: tuple[Lamp, Lamp] = (Lamp.OFF, Lamp.OFF)
         self.notes: list[int] = []
         self.velocities: list[tuple[float, Velocity]] = []
@@ -193,14 +195,16 @@ class VirtualBase(Topics):
             create3.CLIFF: either(self.cliff, self.body.cliff),
             create3.WHEEL_DROP: either(self.wheel_drop, self.body.wheel_drop or NOTHING),
         }
-        found: list[object] = [
-            {"type": kind, "header": {"frame_id": frame}}
+        found = [
+            (kind, frame)
             for kind, sides in felt.items()
             for side, frames in _FRAMES[kind].items()
             if getattr(sides, side)
             for frame in frames
         ]
-        return {"detections": found}
+        if self.body.backup_limit is not None and self.body.backup_limit.reached:
+            found.append((create3.BACKUP_LIMIT, "base_link"))
+        return {"detections": [{"type": kind, "header": {"frame_id": frame}} for kind, frame in found + self.hazards]}
 
 
 class VirtualScan(Topics):

@@ -69,11 +69,11 @@ class _Threshold:
 CONTACTS = ("bumper", "cliff", "wheel_drop")
 """What a base feels with its left, its middle and its right; events and state call it so."""
 
-REFLEXES = (*CONTACTS, "button", "docked", "charging", "latched", "battery_low", "battery_critical")
+REFLEXES = (*CONTACTS, "hazard", "button", "docked", "charging", "latched", "battery_low", "battery_critical")
 """All that the guard tells of."""
 
-_Felt = tuple[Sides, Sides, Sides, frozenset[int], bool, bool]
-_NOTHING: _Felt = (Sides(), Sides(), Sides(), frozenset(), False, False)
+_Felt = tuple[Sides, Sides, Sides, frozenset[str], frozenset[int], bool, bool]
+_NOTHING: _Felt = (Sides(), Sides(), Sides(), frozenset(), frozenset(), False, False)
 
 
 class Guard:
@@ -124,11 +124,13 @@ class Guard:
 
     def _tell_felt(self, before: _Felt, felt: _Felt) -> None:
         """Tell what is new of all that the base feels."""
-        *contacts_before, buttons_before, docked_before, charging_before = before
-        *contacts, buttons, docked, charging = felt
+        *contacts_before, hazards_before, buttons_before, docked_before, charging_before = before
+        *contacts, hazards, buttons, docked, charging = felt
         for what, was, now in zip(CONTACTS, contacts_before, contacts, strict=True):
             if now != was:
                 self._tell(what, str(now or was), on=bool(now))
+        for hazard in sorted(hazards ^ hazards_before):
+            self._tell("hazard", hazard, on=hazard in hazards)
         for number in sorted(buttons ^ buttons_before):
             self._tell("button", str(number), on=number in buttons)
             if number == self._button and number in buttons:
@@ -156,4 +158,5 @@ class Guard:
 
 
 def _felt(state: BaseState) -> _Felt:
-    return (state.bumper, state.cliff, state.wheel_drop, state.buttons, state.docked, state.charging)
+    contacts = state.bumper, state.cliff, state.wheel_drop
+    return (*contacts, state.hazards, state.buttons, state.docked, state.charging)

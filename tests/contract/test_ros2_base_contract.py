@@ -6,9 +6,11 @@ from math import inf, nan, radians
 import pytest
 
 from drivers.api import STILL, Lamp, Pose2D, Sides
+from drivers.ros2 import create3
 from drivers.ros2.base import Ros2Base
 from drivers.ros2.types import types
 from drivers.ros2.wire import frame
+from drivers.sim.backup_limit import BackupLimit
 from drivers.sim.body import NOTHING, Body
 from drivers.virtual.topics import VirtualBase
 from tests.contract.rigs import InSimulatedTime, simulated
@@ -200,3 +202,52 @@ def test_odometry_of_no_robot_is_counted_and_nothing_follows(base: Topics) -> No
     base.wait(0.1)
     assert base.state().pose == before
     assert base.device.health().counters["malformed"] >= counted + 4
+
+
+def test_hazards_of_all_types_are_in_its_state_and_those_that_hold_it_up_are_faults(base: Topics) -> None:
+    base.robot.hazards = [(create3.STALL, "wheel_left"), (create3.OBJECT_PROXIMITY, "ir_intensity_left"), (9, "")]
+    base.wait(0.1)
+    assert base.state().hazards == {"stall left", "object near left", "hazard of type 9"}
+    faults = [(notice.what, notice.hint) for notice in base.notices if notice.kind == "fault"]
+    assert ("stall left: a wheel is blocked", "look for what blocks the wheels") in faults
+    assert any("hazard of type 9" in fault and "mission ros2 echo" in hint for fault, hint in faults)
+    assert not any("object near" in fault for fault, _ in faults)
+    base.robot.hazards = []
+    base.wait(0.1)
+    assert base.state().hazards == frozenset()
+
+
+def test_a_hazard_between_two_reports_of_odometry_is_not_missed(base: Topics) -> None:
+    number = list(TOPICS).index("hazards")
+    seen = {"detections": [{"type": create3.BACKUP_LIMIT, "header": {"frame_id": "base_link"}}]}
+    states = []
+    base.wire.take(frame(number, types().encode("irobot_create_msgs/msg/HazardDetectionVector", seen)))
+    base.wire.take(frame(number, types().encode("irobot_create_msgs/msg/HazardDetectionVector", {"detections": []})))
+    for _ in range(5):
+        base.wait(0.02)
+        states.append(base.state().hazards)
+    assert {"backup limit"} in states
+    assert states[-1] == frozenset()
+
+
+def test_at_its_backup_limit_it_stands_says_so_and_backs_again_after_it_has_driven_forwards(base: Topics) -> None:
+    base.robot.body.backup_limit = BackupLimit(0.025)
+    started = base.clock.now()
+    base.drive(-0.2, 0.0, lambda: base.clock.now() > started + 1.5)
+    assert base.state().hazards == {"backup limit"}
+    assert -0.09 < base.truth().x < -0.02
+    assert base.state().velocity == STILL
+    assert any("backup limit" in notice.what and "safety_override" in notice.hint for notice in base.notices)
+    there = base.truth().x
+    base.drive(0.2, 0.0, lambda: base.truth().x > there + 0.1)
+    base.wait(0.5)
+    assert base.state().hazards == frozenset()
+    base.drive(-0.2, 0.0, lambda: base.truth().x < there + 0.05)
+
+
+def test_with_its_e_stop_on_it_obeys_no_velocity_and_says_nothing(base: Topics) -> None:
+    base.robot.body.e_stop = True
+    started, notices = base.clock.now(), len(base.notices)
+    base.drive(0.2, 0.5, lambda: base.clock.now() > started + 1.0)
+    assert base.truth() == Pose2D(0.0, 0.0, 0.0)
+    assert base.notices[notices:] == []

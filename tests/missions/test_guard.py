@@ -54,6 +54,17 @@ def watched() -> Watched:
 # What the guard tells
 
 
+def test_each_hazard_is_reported_when_it_begins_and_when_it_ends(watched: Watched) -> None:
+    for hazards in ({"stall left"}, {"stall left", "hazard of type 9"}, set[str](), set[str]()):
+        watched.look(hazards=frozenset(hazards))
+    assert watched.told() == [
+        ("hazard", "stall left", True),
+        ("hazard", "hazard of type 9", True),
+        ("hazard", "hazard of type 9", False),
+        ("hazard", "stall left", False),
+    ]
+
+
 @pytest.mark.parametrize("contact", CONTACTS)
 def test_a_contact_is_told_with_its_sides_as_they_change_and_when_it_is_gone(watched: Watched, contact: str) -> None:
     for sides in (LEFT, LEFT, FRONT, Sides(), Sides()):

@@ -16,6 +16,7 @@ from drivers.api import (
     Sides,
     Velocity,
 )
+from drivers.base.hazards import BACKUP_LIMIT
 from drivers.base.steered import Settings, SteeredBase
 from drivers.clock import Clock
 from drivers.errors import NotConnected
@@ -28,8 +29,10 @@ from drivers.sim.dock import NO_SIGNALS
 from drivers.sim.twins.panel import PanelTwin
 from drivers.sim.twins.plug import Plug
 
-Contacts = tuple[Sides, Sides, Sides, frozenset[int], bool]
-"""Bumper, cliff, wheel drop, buttons, and whether it stands on the contacts of its dock."""
+Contacts = tuple[Sides, Sides, Sides, frozenset[str], frozenset[int], bool]
+"""Bumper, cliff, wheel drop, other hazards, buttons, and whether it stands on the contacts of its dock."""
+
+_AT_BACKUP_LIMIT = frozenset({BACKUP_LIMIT})
 
 
 class Course(Protocol):
@@ -79,7 +82,7 @@ class BaseTwin(SteeredBase, PanelTwin):
         self._dropouts = dropouts
         self._gyro_error = 0.0  # radians that the noise has added up to
         self._pressed: tuple[Sides, Sides, frozenset[int]] = (NOTHING, NOTHING, frozenset())  # by hand
-        self._contacts: Contacts = (NOTHING, NOTHING, NOTHING, frozenset(), False)  # of the newest report
+        self._contacts: Contacts = (NOTHING, NOTHING, NOTHING, frozenset(), frozenset(), False)  # of the newest report
         self._signals = NO_SIGNALS  # of the dock, likewise
         self._felt: BaseState | None = None  # the state when they last changed; None before the first report
         self._latest: BaseState | None = None  # of the newest report, made when somebody asks
@@ -206,7 +209,8 @@ class BaseTwin(SteeredBase, PanelTwin):
         """Return what it touches now."""
         bumper, cliff, buttons = self._pressed
         body = self.body
-        return either(bumper, body.bumper), either(cliff, body.cliff), body.wheel_drop, buttons, body.docked
+        hazards = _AT_BACKUP_LIMIT if body.backup_limit is not None and body.backup_limit.reached else frozenset()
+        return either(bumper, body.bumper), either(cliff, body.cliff), body.wheel_drop, hazards, buttons, body.docked
 
     def _obey(self, velocity: Velocity, now: float) -> None:
         """Tell the body how to move, as the wire would."""
@@ -224,7 +228,7 @@ class BaseTwin(SteeredBase, PanelTwin):
 
     def _state(self) -> BaseState:
         """Return the state as of the newest report."""
-        bumper, cliff, wheel_drop, buttons, docked = self._contacts
+        bumper, cliff, wheel_drop, hazards, buttons, docked = self._contacts
         battery = self.body.battery
         return BaseState(
             pose=self._course.pose,
@@ -232,6 +236,7 @@ class BaseTwin(SteeredBase, PanelTwin):
             bumper=bumper,
             cliff=cliff,
             wheel_drop=wheel_drop,
+            hazards=hazards,
             buttons=buttons,
             battery_voltage=battery.voltage,
             battery_percent=battery.told,

@@ -52,7 +52,7 @@ class PlainTwin(BaseTwin):
         return Velocity(sum(wheels.speeds) / 2, (wheels.speeds[1] - wheels.speeds[0]) / wheels.separation)
 
     def _touches(self) -> Contacts:
-        return NOTHING, NOTHING, NOTHING, frozenset(), False
+        return NOTHING, NOTHING, NOTHING, frozenset(), frozenset(), False
 
     def _obey(self, velocity: Velocity, now: float) -> None:
         given = self._wheels.within(velocity)

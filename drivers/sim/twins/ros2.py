@@ -15,6 +15,7 @@ from drivers.errors import BadRequest, DriverError, NotConnected
 from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
 from drivers.ros2.reasons import reason
 from drivers.ros2.requests import ENDED
+from drivers.sim.backup_limit import BackupLimit
 from drivers.sim.navigator import NO_PROGRESS, Navigator
 from drivers.sim.scanner import looking
 from drivers.sim.stage import Stage
@@ -183,7 +184,9 @@ def graph(keys: ZenohKeys, stage: Stage) -> Ros2Twin:
 def base(keys: Ros2BaseKeys, stage: Stage) -> BaseTwin:
     """Return the twin of a base: of one with contacts as a Kobuki's, of others without."""
     if keys.hazards:
-        return making.base(keys, stage)
+        twin = making.base(keys, stage)
+        twin.body.backup_limit = BackupLimit()
+        return twin
     return making.plain(TwoWheels(0.2, FASTEST), keys, stage, reckoned=False, gauge=bool(keys.battery))
 
 

@@ -88,6 +88,7 @@ class Pilot:
         told.append(self._base.latched or (ANEW if self._stale else "") or f"{steering.source or 'nobody'}{why}")
         touched = {"bumper": state.bumper, "cliff": state.cliff, "wheel drop": state.wheel_drop}
         told += [f"{name} {sides}" for name, sides in touched.items() if sides]
+        told += sorted(state.hazards)
         told.append(f"battery {state.battery_percent:.0f} %{' charging' if state.charging else ''}")
         return " | ".join([*told, self._trouble] if self._trouble else told)
 

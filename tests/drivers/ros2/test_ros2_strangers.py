@@ -3,12 +3,14 @@
 import struct
 from collections.abc import Iterator
 from math import cos, inf, nan, sin
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
+from drivers.api import Sides
 from drivers.api.driver import Site
 from drivers.clock import ManualClock
 from drivers.ros2 import create3, wire
@@ -196,16 +198,32 @@ def test_a_battery_that_is_not_there_is_not_empty(base: Topics) -> None:
     assert (base.state().battery_percent, base.state().battery_voltage) == (100.0, 0.0)
 
 
+def detection(kind: int, frame: str) -> Any:
+    return SimpleNamespace(type=kind, header=SimpleNamespace(frame_id=frame))
+
+
 @pytest.mark.parametrize("namespace", ["", "left_robot/", "centre/right/"])
 def test_the_side_of_a_contact_is_said_by_its_frame_and_not_by_the_name_of_the_robot(namespace: str) -> None:
-    class Hazard:
-        type = create3.BUMP
-
-        class header:  # noqa: N801 - as ROS has it
-            frame_id = f"{namespace}bump_right"
-
-    bumper, _, _ = create3.felt([Hazard()])
+    bumper = create3.report_of([detection(create3.BUMP, f"{namespace}bump_right")]).bumper
     assert (bumper.left, bumper.centre, bumper.right) == (False, False, True)
+
+
+@pytest.mark.parametrize(
+    ("kind", "frame", "name"),
+    [
+        (0, "base_link", "backup limit"),
+        (0, "left_robot/base_link", "backup limit"),
+        (3, "base_link", "stall"),
+        (3, "left_robot/wheel_right", "stall right"),
+        (5, "ir_intensity_left", "object near left"),
+        (6, "base_link", "hazard of type 6 (base_link)"),
+        (255, "", "hazard of type 255"),
+    ],
+)
+def test_hazards_that_are_no_contacts_are_named_and_unknown_types_are_kept(kind: int, frame: str, name: str) -> None:
+    report = create3.report_of([detection(kind, frame), detection(create3.BUMP, "bump_left")])
+    assert report.others == {name}
+    assert report.bumper == Sides(left=True)
 
 
 # --- joints ---------------------------------------------------------------------------------------------------------
