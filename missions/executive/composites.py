@@ -216,11 +216,13 @@ class Parallel(Composite, composites.Parallel):
         return ""
 
     def on_running(self) -> Status:
-        succeeded = failed = 0
-        for child in self.members:
-            status = child.status
-            if status is not SUCCESS and status is not FAILURE:
-                status = child.execute_tick()
+        # Children that ended at an earlier tick count before any is ticked, wherever they stand in the list.
+        statuses = [child.status for child in self.members]
+        succeeded, failed = statuses.count(SUCCESS), statuses.count(FAILURE)
+        for child, before in zip(self.members, statuses, strict=True):
+            if before is SUCCESS or before is FAILURE:
+                continue
+            status = child.execute_tick()
             if status is RUNNING:
                 continue
             succeeded += status is SUCCESS
