@@ -59,7 +59,7 @@ class Motion(Leaf):
         if state is None or self._start is None:
             return self.wait("waiting for the base to report")
         steering = self.robot.base.steering()
-        trouble = held_up(self.robot.base) or self.trouble(state, steering)
+        trouble = held_up(self.robot.base) or disobeyed(steering) or self.trouble(state, steering)
         if trouble:
             return self.fail(trouble)
         override = overriding(steering)
@@ -148,6 +148,11 @@ class Motion(Leaf):
 def held_up(base: Base) -> str:
     """Say why a base does not move at all until somebody enables it, or nothing."""
     return f"the base is stopped: {base.latched}" if base.latched else ""
+
+
+def disobeyed(steering: Steering) -> str:
+    """Say why a mission's command was stopped because the base did not do it, or nothing."""
+    return steering.fault if steering.source in (Source.MISSION, None) else ""
 
 
 def obstacle(state: BaseState, way: Way, steering: Steering | None = None) -> str:

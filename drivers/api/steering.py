@@ -40,13 +40,15 @@ class Steering:
 
     ``wanted`` is what ``source`` asked for, ``given`` what of it is in force: within the limits, and what the reflexes
     permit, but before the ramp that leads there. ``because`` says in words why they differ ("limited", "cliff left"),
-    and is empty where they do not. ``source`` is None while nobody commands.
+    and is empty where they do not. ``source`` is None while nobody commands. ``fault`` says why ``source`` was stopped
+    because the base did not do what it was told; it stands until that source lets go, and commands anew.
     """
 
     source: Source | None
     wanted: Velocity
     given: Velocity
     because: str = ""
+    fault: str = ""
 
 
 Steered = Callable[[Steering], None]

@@ -22,6 +22,7 @@ from drivers.api.gait import GaitKeys
 from drivers.api.sections import BaseKeys
 from drivers.base.changes import compare
 from drivers.base.limits import Limits
+from drivers.base.progress_monitor import Instruments, MotionFault, ProgressMonitor
 from drivers.base.requests import check, require
 from drivers.base.velocity_multiplexer import VelocityMultiplexer
 from drivers.clock import Clock
@@ -88,6 +89,8 @@ class SteeredBase(ABC):
     """
 
     name = "base"
+    instruments = Instruments()
+    """What measures its motion, in words."""
 
     def __init__(self, clock: Clock, **settings: Unpack[Settings]) -> None:
         self._clock = clock
@@ -101,7 +104,9 @@ class SteeredBase(ABC):
             settings.get("angular_acceleration", 3.5),
         )
         self._limits = limits.told
-        self._mux = VelocityMultiplexer(limits, settings.get("reflexes"), settings.get("away"))
+        monitor = ProgressMonitor(self.instruments)
+        self._mux = VelocityMultiplexer(limits, settings.get("reflexes"), settings.get("away"), monitor)
+        self._told_fault: MotionFault | None = None
         self._told = self._mux.steering
         self._headings = History()
         self._silent = False
@@ -193,7 +198,11 @@ class SteeredBase(ABC):
         """Tell the wheels to stand, where anybody is there to be told. Does not raise NotConnected."""
 
     def _tell_steering(self, steering: Steering) -> None:
-        """Tell who commands, if that is new."""
+        """Tell who commands, and why the base was stopped, if that is new."""
+        fault = self._mux.fault
+        if fault is not self._told_fault and fault is not None:
+            self._told_fault = fault
+            self._report(DeviceStatus(self.name, "fault", f"{self.name}: {fault.reason}", fault.hint))
         if steering != self._told:
             self._told = steering
             self._steered(steering)

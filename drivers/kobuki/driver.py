@@ -22,6 +22,7 @@ from drivers.api import (
     Tune,
     Velocity,
 )
+from drivers.base.progress_monitor import Instruments
 from drivers.base.requests import check_light, check_tone
 from drivers.base.steered import Settings, SteeredBase
 from drivers.clock import Clock
@@ -108,6 +109,8 @@ class KobukiBase(SteeredBase, Panel):
 
     Callbacks are called from the link's thread, and must return at once.
     """
+
+    instruments = Instruments("encoders", "gyro")
 
     def __init__(self, link: Link, clock: Clock, **settings: Unpack[Settings]) -> None:
         SteeredBase.__init__(self, clock, **settings)

@@ -6,6 +6,7 @@ from typing import Unpack
 
 from drivers.api import DeviceStatus
 from drivers.base.plain_base import ASKING, PlainBase
+from drivers.base.progress_monitor import Instruments
 from drivers.base.reckoning import TwoWheels
 from drivers.base.steered import Settings
 from drivers.clock import Clock
@@ -38,6 +39,8 @@ class WaveshareBase(PlainBase):
     ``speed_at_full`` (m/s) is how fast a rover without ``encoders`` goes at full power: its pose is dead reckoning
     then. ``track`` (m) is what its wheels turn it by. Callbacks are called from the link's thread.
     """
+
+    instruments = Instruments("encoders", "encoders")
 
     def __init__(
         self,

@@ -17,6 +17,7 @@ from drivers.api import (
     Velocity,
 )
 from drivers.base.hazards import BACKUP_LIMIT
+from drivers.base.progress_monitor import Instruments
 from drivers.base.steered import Settings, SteeredBase
 from drivers.clock import Clock
 from drivers.errors import NotConnected
@@ -60,6 +61,7 @@ class BaseTwin(SteeredBase, PanelTwin):
     """
 
     PERIOD = 0.02
+    instruments = Instruments("encoders", "gyro")
 
     def __init__(
         self,
@@ -250,7 +252,11 @@ class BaseTwin(SteeredBase, PanelTwin):
         """Return what the reflexes go by: what it touches, and where that is while it matters."""
         if not self._hears(now):
             return None
-        return self._state() if self._mux.alert else self._felt
+        if not (self._mux.alert or self._mux.waiting):
+            return self._felt
+        if self._latest is None:
+            self._latest = self._state()
+        return self._latest
 
     @property
     def _newest(self) -> BaseState | None:

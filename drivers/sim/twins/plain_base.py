@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Unpack
 
 from drivers.api import BaseState, Velocity
+from drivers.base.progress_monitor import Instruments
 from drivers.base.reckoning import Reckoning, TwoWheels
 from drivers.base.steered import Settings
 from drivers.clock import Clock
@@ -17,6 +18,8 @@ class PlainTwin(BaseTwin):
     Whatever ``body`` bumps into, it does not feel it. Where it is ``reckoned``, its pose is what it was told, added up;
     without a ``gauge`` it measures no battery.
     """
+
+    instruments = Instruments("encoders", "encoders")
 
     def __init__(
         self,

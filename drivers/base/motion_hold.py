@@ -1,0 +1,63 @@
+"""What follows a motion fault: the source that commanded is held until it lets go; repeated faults latch the base."""
+
+from collections import deque
+
+from drivers.api import COMMAND_LIFE, STILL, Source, Velocity
+from drivers.base.progress_monitor import MotionFault
+
+LET_GO = 2 * COMMAND_LIFE
+"""Seconds without a command after which a source has let go, though it did not say so."""
+
+MAX_FAULTS = 3
+"""Faults within ``RECENT`` seconds that latch the base: to try again does not help."""
+
+RECENT = 60.0
+
+
+class MotionHold:
+    """Holds the sources that commanded when a fault came. A source lets go by a stop, by standing still, by silence.
+
+    So renewed commands of the same motion never restart the base; a fresh leaf, and a key pressed anew, do. Not safe
+    between threads.
+    """
+
+    def __init__(self) -> None:
+        self.fault: MotionFault | None = None
+        self._held: dict[Source, float] = {}  # with the time of the last command
+        self._faults: deque[float] = deque(maxlen=MAX_FAULTS)
+
+    def begin(self, fault: MotionFault, source: Source | None, now: float) -> str:
+        """Hold ``source``; return why the base is to be latched, or nothing."""
+        self._held = {} if source is None or source is Source.SAFETY else {source: now}
+        self.fault = fault if self._held else None
+        self._faults.append(now)
+        if len(self._faults) == MAX_FAULTS and now - self._faults[0] <= RECENT:
+            self._faults.clear()
+            return f"{MAX_FAULTS} motion faults within {RECENT:g} s: {fault.reason}"
+        return ""
+
+    def refuses(self, source: Source, wanted: Velocity, now: float) -> bool:
+        """Take a command of a source; say whether it, or a person before it, is held."""
+        if source not in self._held:
+            return source is not Source.TELEOP and self.holder(now) is Source.TELEOP
+        if wanted == STILL or now - self._held[source] > LET_GO:
+            self.release(source)
+            return False
+        self._held[source] = now
+        return True
+
+    def release(self, source: Source | None) -> None:
+        """Let a source command anew; all of them for None."""
+        if source is None:
+            self._held.clear()
+        else:
+            self._held.pop(source, None)
+        if not self._held:
+            self.fault = None
+
+    def holder(self, now: float) -> Source | None:
+        """Return the source that is held; None once it has let go."""
+        for source, at in list(self._held.items()):
+            if now - at > LET_GO:
+                self.release(source)
+        return next(iter(self._held), None)

@@ -1,0 +1,278 @@
+"""Progress monitor of a base: does it do what it was told? Time, commands and reports are handed in.
+
+Over about one second, commanded and measured motion are compared in amount and sign, driving and turning separately.
+The tolerance covers dead time and ramp of a base, late and rare odometry, slip of 20 %, slopes and carpet. A base whose
+pose is dead reckoning measures nothing: it is never compared with its own commands.
+"""
+
+from math import degrees
+
+from drivers.api import STILL, BaseState, Pose2D, Velocity
+from drivers.api.quick import dataclass
+from drivers.base.motion_window import MotionSums, MotionWindow, SentVelocities, moved, plus
+
+WINDOW, SLOW_WINDOW = 1.0, 3.0
+"""Seconds over which motion is compared; over the longer one, slow motion and small differences show, too."""
+
+LAG = 0.5
+"""Seconds that a base may take to obey, and its odometry to tell; the interval of its reports comes on top of that."""
+
+MAX_INTERVAL = 0.5
+"""Seconds between two reports that are still counted on."""
+
+NO_DATA_TIMEOUT = 1.0
+"""Seconds without a new report after which a moving base is stopped."""
+
+GAP = 0.15
+"""Seconds without a renewal after which the base may have stopped by itself: a computer was held up."""
+
+MIN_SHARE, MAX_SHARE = 0.5, 1.5
+"""Which share of the commanded motion must be measured at least, and may be at most."""
+
+TOLERANCE = Velocity(0.02, 0.1)
+"""Metres and radians by which motion may differ besides."""
+
+OPPOSITE = Velocity(0.015, 0.06)
+"""Metres and radians that a base may move against the command: the play of its gears, a slope as it starts."""
+
+TURN_PER_WAY = 0.5
+"""Radians that each metre may turn a base more or less: wheels that slip on one side."""
+
+WAY_PER_TURN = 0.03
+"""Metres that each radian may move it: the middle of a turn is not that of the base."""
+
+OVERCURRENT_TIMEOUT = 1.0
+"""Seconds of overload after which a base is stopped, whatever its encoders count: its wheels may slip."""
+
+
+@dataclass(frozen=True, slots=True)
+class MotionFault:
+    """Why a base was stopped: what was commanded, what was measured, the likely cause; and what to try."""
+
+    reason: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class Instruments:
+    """What measures the motion of a base, in words."""
+
+    linear: str = "odometry"
+    angular: str = "odometry"
+
+
+class ProgressMonitor:
+    """Compares what a base is sent with what it reports. Not safe between threads.
+
+    ``instruments`` names what measures its motion.
+    """
+
+    def __init__(self, instruments: Instruments | None = None) -> None:
+        self._instruments = instruments or Instruments()
+        self._windows = (MotionWindow(WINDOW, 0.04), MotionWindow(SLOW_WINDOW, 0.2))
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all that was sent and measured."""
+        self._sent = SentVelocities(LAG)
+        self._updated_at = 0.0
+        self._sums = MotionSums(0.0)
+        self._state: BaseState | None = None
+        self._pose: Pose2D | None = None
+        self._reported_at = 0.0
+        self._interval = 0.0
+        self._overloaded_since: float | None = None
+        for window in self._windows:
+            window.clear()
+
+    @property
+    def watching(self) -> bool:
+        """Whether the base moves, or has been told to until a moment ago: then each report counts."""
+        return not self._sent.standing
+
+    def update(self, now: float, sent: Velocity, state: BaseState | None) -> MotionFault | None:
+        """Take what is ``sent`` to the base from now on, and its newest report; return why it must stop, or None."""
+        if self.watching and now - self._updated_at > NO_DATA_TIMEOUT:  # the base or the computer was away
+            self.restart()
+        if sent == STILL and self._sent.standing:
+            self._rest(now, state)
+            return None
+        if self._sent.standing:
+            self._begin(now, state)
+        self._advance(now)
+        self._sent.add(now, sent)
+        new = state is not None and state is not self._state
+        if new and state is not None:
+            self._take(now, state)
+        if state is None or sent == STILL:
+            return None
+        if now - self._reported_at > NO_DATA_TIMEOUT:
+            return MotionFault(
+                f"{_commanded(sent)}, and no report of the base for {NO_DATA_TIMEOUT:g} s", "look at its cable"
+            )
+        if state.reckoned or not new:
+            return None
+        return self._overload(now, sent, state) or self._compare(sent, state)
+
+    # --- the inside ---------------------------------------------------------------------------------------------------
+
+    def _rest(self, now: float, state: BaseState | None) -> None:
+        """Begin the next motion from here."""
+        if state is not None and state is not self._state:
+            self._interval = min(max(now - self._reported_at, 0.0), MAX_INTERVAL)
+            self._state, self._pose, self._reported_at = state, state.pose, now
+        self._overloaded_since = None
+
+    def _begin(self, now: float, state: BaseState | None) -> None:
+        """Begin to count at the start of a motion."""
+        self._state, self._pose = state, None if state is None else state.pose
+        self._updated_at = self._reported_at = now
+        self._sums = MotionSums(now)
+        for window in self._windows:
+            window.clear()
+
+    def _advance(self, now: float) -> None:
+        """Add up what was commanded since the last update."""
+        before, self._updated_at = self._updated_at, now
+        if now - before > GAP:
+            self._sent.add(before + GAP, STILL)
+        if now > before:
+            low, high = self._sent.bounds(now)
+            sums, seconds = self._sums, now - before
+            self._sums = MotionSums(now, plus(sums.low, low, seconds), plus(sums.high, high, seconds), sums.moved)
+
+    def _take(self, now: float, state: BaseState) -> None:
+        """Add up what was measured since the last report."""
+        before, self._state, self._pose = self._pose, state, state.pose
+        if before is not None:
+            self._interval = min(max(now - self._reported_at, 0.9 * self._interval), MAX_INTERVAL)
+            sums = self._sums
+            self._sums = MotionSums(sums.at, sums.low, sums.high, plus(sums.moved, moved(before, state.pose)))
+        self._sent.lag = LAG + self._interval
+        self._reported_at = now
+
+    def _overload(self, now: float, sent: Velocity, state: BaseState) -> MotionFault | None:
+        """Return a fault once a motor has been overloaded for too long."""
+        if not state.overcurrent:
+            self._overloaded_since = None
+            return None
+        if self._overloaded_since is None:
+            self._overloaded_since = now
+        if now - self._overloaded_since < OVERCURRENT_TIMEOUT:
+            return None
+        reason = f"{_commanded(sent)}, {_overcurrent(state)} for {OVERCURRENT_TIMEOUT:g} s: something holds the base"
+        return MotionFault(reason, "free its wheels and its way")
+
+    def _compare(self, sent: Velocity, state: BaseState) -> MotionFault | None:
+        """Compare the sums within each window."""
+        for window in self._windows:
+            motion = window.add(self._sums)
+            way = max(abs(motion.low.linear), abs(motion.high.linear))
+            turn = max(abs(motion.low.angular), abs(motion.high.angular))
+            fault = self._drives(motion, sent, state, turn) or self._turns(motion, sent, state, way)
+            if fault is not None:
+                return fault
+        return None
+
+    def _drives(self, motion: MotionSums, sent: Velocity, state: BaseState, turn: float) -> MotionFault | None:
+        low, high, measured = motion.low.linear, motion.high.linear, motion.moved.linear
+        more = WAY_PER_TURN * turn
+        off = deviation(low, high, measured, TOLERANCE.linear + more, OPPOSITE.linear + more)
+        if off is None:
+            return None
+        told = _commanded(Velocity(sent.linear or (low + high) / 2 / motion.at, 0.0))
+        found = f"{self._instruments.linear} report {_metres(measured)}"
+        cause, hint = _LINEAR[off]
+        if off == "none":
+            cause += _felt(state)
+        return MotionFault(f"{told} for {motion.at:.1f} s, {found}: {cause}", hint)
+
+    def _turns(self, motion: MotionSums, sent: Velocity, state: BaseState, way: float) -> MotionFault | None:
+        low, high, measured = motion.low.angular, motion.high.angular, motion.moved.angular
+        more = TURN_PER_WAY * way
+        off = deviation(low, high, measured, TOLERANCE.angular + more, OPPOSITE.angular + more)
+        if off is None:
+            return None
+        told = _commanded(Velocity(0.0, sent.angular)) if sent.angular or not way else _commanded(sent)
+        found = f"{self._instruments.angular} reports {degrees(measured):.0f} deg"
+        cause, hint = _ANGULAR[off]
+        if off == "none":
+            cause += _felt(state)
+        return MotionFault(f"{told} for {motion.at:.1f} s, {found}: {cause}", hint)
+
+
+def deviation(low: float, high: float, measured: float, tolerance: float, opposite: float) -> str | None:
+    """Return how a measured motion differs from commands that can have caused ``low`` to ``high``; None if it fits.
+
+    "none": hardly any of it; "less"; "more"; "opposite": the other way round.
+    """
+    least, most = _least(low, high, tolerance, opposite), -_least(-high, -low, tolerance, opposite)
+    if least <= measured <= most:
+        return None
+    way = 1.0 if low + high > 0.0 else -1.0
+    if low == high == 0.0 or measured * way > max(low * way, high * way):
+        return "more"
+    if measured * way < -opposite:
+        return "opposite"
+    return "none" if abs(measured) < 0.2 * max(abs(low), abs(high)) else "less"
+
+
+def _least(low: float, high: float, tolerance: float, opposite: float) -> float:
+    """Return the least motion that fits."""
+    if low < 0.0:
+        return MAX_SHARE * low - tolerance
+    return max(MIN_SHARE * low - tolerance, -opposite) if high > 0.0 else -tolerance
+
+
+_LINEAR = {
+    "none": ("blocked or not connected", "free its wheels; look at motors, encoders and their cables"),
+    "less": (
+        "held back, or one wheel is blocked or not connected",
+        "free its wheels; look at motors, encoders and their cables",
+    ),
+    "more": ("faster than commanded", "check the wheels' measures in the robot file, and the slope"),
+    "opposite": (
+        "the sign of its motors or encoders is swapped",
+        "swap the wires of both motors, or of both encoders; `mission doctor --move` tells which",
+    ),
+}
+
+_ANGULAR = {
+    "none": (
+        "blocked, slipping, or its gyro or encoders are not connected",
+        "free its wheels; look at motors, encoders and their cables",
+    ),
+    "less": ("held back, slipping, or one wheel is blocked or not connected", "free its wheels"),
+    "more": (
+        "one wheel is blocked or not connected, or the sign of one is swapped",
+        "free its wheels; look at motors, encoders and their cables",
+    ),
+    "opposite": (
+        "the sides of its wheels, or the sign of one, are swapped",
+        "swap left and right; `mission doctor --move` tells which",
+    ),
+}
+
+
+def _commanded(velocity: Velocity) -> str:
+    parts = []
+    if velocity.linear or not velocity.angular:
+        parts.append(f"{velocity.linear:.2g} m/s")
+    if velocity.angular:
+        parts.append(f"{degrees(velocity.angular):.0f} deg/s")
+    return f"commanded {' and '.join(parts)}"
+
+
+def _metres(way: float) -> str:
+    return f"{way:.2f} m" if abs(way) >= 0.005 else "0 m"
+
+
+def _overcurrent(state: BaseState) -> str:
+    wheels = "wheels" if state.overcurrent.left and state.overcurrent.right else "wheel"
+    return f"overcurrent on the {state.overcurrent} {wheels}"
+
+
+def _felt(state: BaseState) -> str:
+    """Say what else the base reports that may be the cause."""
+    found = [_overcurrent(state)] if state.overcurrent else []
+    return "".join(f"; {each}" for each in found)

@@ -1,0 +1,204 @@
+"""The progress monitor: a base that does not do what it was told is stopped, one that does is left alone."""
+
+from collections.abc import Callable
+from math import radians
+
+import pytest
+
+from drivers.api import STILL, BaseState, Pose2D, Sides, Source, Velocity
+from drivers.base.limits import Limits
+from drivers.base.motion_hold import LET_GO, MAX_FAULTS
+from drivers.base.progress_monitor import NO_DATA_TIMEOUT, Instruments, ProgressMonitor
+from drivers.base.velocity_multiplexer import VelocityMultiplexer
+from drivers.sim.wheels import Wheels
+
+PERIOD = 0.02
+AHEAD, LEFT = Velocity(0.2, 0.0), Velocity(0.0, 1.0)
+
+Report = Callable[[Wheels], BaseState]
+"""What a base reports of its wheels."""
+
+
+def odometry(wheels: Wheels) -> BaseState:
+    """Report where the wheels truly are."""
+    return BaseState(wheels.pose, wheels.velocity)
+
+
+def mirrored(wheels: Wheels) -> BaseState:
+    """Report the opposite of all motion."""
+    pose = wheels.pose
+    return BaseState(Pose2D(-pose.x, -pose.y, -pose.heading), STILL)
+
+
+def nothing(wheels: Wheels) -> BaseState:
+    """Report no motion, whatever the wheels do."""
+    del wheels
+    return BaseState(Pose2D(0.0, 0.0, 0.0), STILL)
+
+
+class Bench:
+    """A multiplexer with its monitor, over ``wheels`` that report every ``interval`` seconds, ``late`` seconds late."""
+
+    def __init__(
+        self,
+        report: Report = odometry,
+        *,
+        interval: float = PERIOD,
+        late: float = 0.0,
+        wheels: Wheels | None = None,
+    ) -> None:
+        self.mux = VelocityMultiplexer(
+            Limits(0.5, 1.9, 0.5, 3.5), monitor=ProgressMonitor(Instruments("encoders", "gyro"))
+        )
+        self.wheels = wheels or Wheels()
+        self.report, self.interval, self.late = report, interval, late
+        self.now, self.felt = 0.0, report(self.wheels)
+        self.under_way: list[tuple[float, BaseState]] = []
+        self.reported_at = 0.0
+
+    def drive(self, velocity: Velocity | None, seconds: float, source: Source = Source.MISSION) -> str:
+        """Command a velocity for so long; return the fault, or nothing."""
+        for _ in range(round(seconds / PERIOD)):
+            self.now += PERIOD
+            self.wheels.advance(self.now)
+            if self.now - self.reported_at >= self.interval - 1e-9:
+                self.reported_at = self.now
+                self.under_way.append((self.now + self.late, self.report(self.wheels)))
+            while self.under_way and self.under_way[0][0] <= self.now + 1e-9:
+                self.felt = self.under_way.pop(0)[1]
+                self.mux.hear(self.now)
+                self.mux.feel(self.felt, self.now)
+            if velocity is not None:
+                self.mux.steer(velocity, self.now, self.felt, source)
+            sent = self.mux.velocity(self.now, self.felt)
+            self.wheels.command(sent.linear, sent.angular, self.now)
+        return self.mux.steering.fault
+
+    def time_to_fault(self, velocity: Velocity, most: float = 5.0) -> float:
+        """Return after how many seconds a command is stopped."""
+        began = self.now
+        while not self.drive(velocity, PERIOD):
+            assert self.now - began < most, "no fault was found"
+        return self.now - began
+
+
+@pytest.mark.parametrize("velocity", [AHEAD, Velocity(-0.2, 0.0), LEFT, Velocity(0.0, -1.0), Velocity(0.2, 0.4)])
+@pytest.mark.parametrize("report", [nothing, mirrored])
+def test_a_base_that_measures_nothing_or_the_opposite_is_stopped_within_a_second(
+    velocity: Velocity, report: Report
+) -> None:
+    bench = Bench(report, wheels=Wheels(dead_time=0.1))
+    assert bench.time_to_fault(velocity) <= 1.3
+    assert bench.mux.velocity(bench.now, bench.felt) == STILL
+    assert "commanded" in bench.mux.steering.fault
+    assert bench.mux.steering.because == bench.mux.steering.fault
+
+
+def test_the_reason_names_command_time_source_and_overcurrent() -> None:
+    bench = Bench(lambda _: BaseState(Pose2D(0.0, 0.0, 0.0), STILL, overcurrent=Sides(left=True)))
+    bench.time_to_fault(AHEAD)
+    fault = bench.mux.steering.fault
+    assert fault.startswith("commanded 0.2 m/s for ")
+    assert "encoders report 0 m: blocked or not connected; overcurrent on the left wheel" in fault
+
+
+def test_encoders_that_stop_counting_under_way_stop_the_base_within_a_second() -> None:
+    bench = Bench()
+    assert not bench.drive(AHEAD, 2.0)
+    lost = bench.felt
+    bench.report = lambda _: BaseState(lost.pose, STILL)
+    assert bench.time_to_fault(AHEAD) <= 1.0
+
+
+@pytest.mark.parametrize("interval", [PERIOD, 0.1, 1 / 3])
+@pytest.mark.parametrize("late", [0.0, 0.15])
+@pytest.mark.parametrize("dead_time", [0.0, 0.25])
+@pytest.mark.parametrize("acceleration", [0.6, 2.0])
+def test_a_base_that_obeys_is_left_alone(interval: float, late: float, dead_time: float, acceleration: float) -> None:
+    wheels = Wheels(dead_time=dead_time, acceleration=acceleration, slip=0.2)
+    bench = Bench(interval=interval, late=late, wheels=wheels)
+    for velocity in (
+        AHEAD, Velocity(-0.2, 0.0), LEFT, Velocity(0.0, -1.5), Velocity(0.3, 0.6), Velocity(-0.5, -0.2), STILL,
+        Velocity(0.02, 0.0), Velocity(0.0, radians(4)), Velocity(0.5, 0.0),
+    ):  # fmt: skip
+        assert not bench.drive(velocity, 1.7)
+        bench.drive(STILL, 0.1)
+
+
+def test_dead_reckoning_is_never_compared_with_its_own_commands() -> None:
+    bench = Bench(lambda _: BaseState(Pose2D(0.0, 0.0, 0.0), STILL, reckoned=True))
+    assert not bench.drive(AHEAD, 5.0)
+
+
+def test_a_computer_that_was_held_up_is_no_fault_of_the_base() -> None:
+    bench = Bench()
+    assert not bench.drive(AHEAD, 1.5)
+    bench.wheels.command(0.0, 0.0, bench.now + 0.4)  # the base's own watchdog
+    bench.now += 1.5
+    assert not bench.drive(AHEAD, 3.0)
+
+
+def test_a_moving_base_without_reports_is_stopped() -> None:
+    monitor = ProgressMonitor()
+    state = BaseState(Pose2D(0.0, 0.0, 0.0), STILL)
+    faults = [monitor.update(step * PERIOD, AHEAD, state) for step in range(round(1.2 * NO_DATA_TIMEOUT / PERIOD))]
+    assert faults[-1] is not None
+    assert "no report" in faults[-1].reason
+
+
+def test_a_monitor_that_raises_stops_the_base() -> None:
+    class Broken(ProgressMonitor):
+        def update(self, now: float, sent: Velocity, state: BaseState | None) -> None:
+            raise ZeroDivisionError(now, sent, state)
+
+    bench = Bench()
+    bench.mux.monitor = Broken()
+    assert "the progress monitor failed" in bench.drive(AHEAD, 0.1)
+    assert bench.mux.velocity(bench.now, bench.felt) == STILL
+
+
+def test_renewed_commands_do_not_restart_a_stopped_base_but_fresh_ones_do() -> None:
+    bench = Bench(nothing)
+    bench.time_to_fault(AHEAD)
+    bench.report = odometry
+    where = bench.wheels.pose
+    assert bench.drive(AHEAD, 3.0)
+    assert bench.wheels.pose.x == pytest.approx(where.x, abs=0.05)
+    bench.mux.halt(Source.MISSION)
+    assert bench.mux.steering.fault == ""
+    assert not bench.drive(AHEAD, 1.0)
+    assert bench.mux.steering.given == AHEAD
+
+
+@pytest.mark.parametrize("pause", [STILL, None])
+def test_a_key_that_is_released_lets_a_person_begin_anew(pause: Velocity | None) -> None:
+    bench = Bench(nothing)
+    while not bench.drive(AHEAD, PERIOD, Source.TELEOP):
+        pass
+    bench.report = odometry
+    assert bench.drive(AHEAD, 1.0, Source.TELEOP)
+    assert bench.drive(AHEAD, 0.2), "while a person is held, the mission does not take the wheels"
+    bench.drive(pause, LET_GO + 0.1, Source.TELEOP)
+    assert not bench.drive(AHEAD, 0.5, Source.TELEOP)
+    assert bench.mux.steering.given == AHEAD
+
+
+def test_faults_that_recur_latch_the_base_until_it_is_enabled() -> None:
+    bench = Bench(nothing)
+    for _ in range(MAX_FAULTS - 1):
+        bench.time_to_fault(AHEAD)
+        bench.mux.halt(Source.MISSION)
+        bench.drive(None, 0.8)
+    assert not bench.mux.latched
+    bench.drive(AHEAD, 2.0)
+    assert "motion faults" in bench.mux.latched
+    assert "blocked or not connected" in bench.mux.latched
+    bench.mux.enable()
+    bench.report = odometry
+    assert not bench.drive(AHEAD, 1.0)
+
+
+def test_overcurrent_that_lasts_stops_a_base_whose_wheels_slip() -> None:
+    bench = Bench(lambda wheels: BaseState(wheels.pose, wheels.velocity, overcurrent=Sides(right=True)))
+    assert bench.time_to_fault(AHEAD) == pytest.approx(1.0, abs=0.1)
+    assert "overcurrent on the right wheel" in bench.mux.steering.fault
