@@ -179,7 +179,8 @@ PERIOD = 0.04
 """Seconds from one state to the next, at least."""
 
 IDLE, MOVING = 0.5, 0.05
-"""Seconds from one state to the next, at most; the latter while the robot's place changes, which no event tells."""
+"""Seconds from one state to the next, at most; the latter while the robot's place changes, which no event tells, and
+while somebody drives, whose commands need a new state."""
 
 PLACE = ("pose", "joints", "scan")
 """What a state tells of where the robot and its arms are, and what stands around it."""
@@ -244,7 +245,7 @@ class Audience:
         now = self._told_at = self._clock.now()
         self.due = now + IDLE
         state: Json = {"say": "state", "run": self._name, **self._outlet.news(self._doing.told())}
-        if not state.keys().isdisjoint(PLACE):
+        if state.get("driver") or not state.keys().isdisjoint(PLACE):
             self.due = now + MOVING
         for client in self.clients:
             client.news(state)

@@ -23,7 +23,11 @@ Id = Annotated[int | None, "Comes back with the answer.", Bound(-(2**53), 2**53)
 Number = Annotated[
     int, "Counts the commands of this driver, upwards; at one not higher than the last the base stops.", Bound(0, 2**53)
 ]
-Sent = Annotated[float, "When it was sent, in seconds of any clock of the sender's that goes evenly."]
+Stamp = Annotated[
+    int,
+    "The `stamp` of the newest `state` that the driver has seen; the base obeys for 0.5 s from that.",
+    Bound(0, 2**53),
+]
 Share = Bound(-1.0, 1.0)
 
 
@@ -165,11 +169,11 @@ class Give(OfRun):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drive(OfRun):
-    """Drive so for 0.3 s, if one has the wheels. Both 0 is standing still."""
+    """Drive so for 0.3 s, if one has the wheels, and for 0.5 s after that state at most. Both 0 is standing still."""
 
     word: ClassVar[str] = "drive"
     n: Number
-    t: Sent
+    stamp: Stamp
     ahead: Annotated[float, "The share of the speed, positive ahead.", Share]
     left: Annotated[float, "The share of the turn rate, positive to the left.", Share]
     pace: Annotated[float, "The share of the robot's limits that a share of 1 is.", Bound(0.05, 1.0)] = 0.5
@@ -177,10 +181,10 @@ class Drive(OfRun):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Look(OfRun):
-    """Turn the head on, if one has the wheels and the mission does not move the head."""
+    """Turn the head on, if one has the wheels, the state is as young as for `drive`, and the mission moves no head."""
 
     word: ClassVar[str] = "look"
     n: Number
-    t: Sent
+    stamp: Stamp
     left: Annotated[float, "The share of 60 deg/s by which the head turns, positive to the left.", Share]
     down: Annotated[float, "The same downwards.", Share]

@@ -134,7 +134,7 @@ class ControlSocket:
 
     def _serve(self) -> None:
         while not self._ending:
-            due = min(self._audience.due, self._doing.kill_at, self._listens_at)
+            due = min(self._audience.due, self._doing.kill_at, self._wheels.ends_at, self._listens_at)
             self._guarded(partial(self._turn, max(0.0, due - self._clock.now())))
         self._wheels.stop()
         self._guarded(self._audience.tell)
@@ -168,6 +168,7 @@ class ControlSocket:
             if mask & selectors.EVENT_READ and isinstance(key.data, Client):
                 self._hear(key.data)
         now = self._clock.now()
+        self._wheels.check(now)
         if now >= self._listens_at and self._listener is not None:
             self._listens_at = inf
             self._selector.register(self._listener, selectors.EVENT_READ)

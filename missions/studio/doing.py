@@ -287,7 +287,8 @@ class Doing:
     def told(self) -> Mapping[str, object]:
         """Return what clients are told of all this."""
         stopped = {"stops": self._latch.number, "stopped": self._latch.reason}
-        return {**stopped, "driver": self._wheels.driver, "asking": self._wheels.asking}
+        driving = {"driver": self._wheels.driver, "asking": self._wheels.asking}
+        return {**stopped, **driving, "stamp": self._wheels.stamp(), "round_trip": round(self._wheels.round_trip, 3)}
 
     def _check_released(self) -> None:
         if self._latch.reason:

@@ -13,8 +13,11 @@ from missions.studio.reading import COMMANDS
 SAY = "say"
 """The member that has the word of a message."""
 
-VERSION = 1
+VERSION = 2
 """The number of the protocol: it grows when a client of before would go wrong."""
+
+OLDEST_VERSION = 1
+"""The oldest version whose clients are let in: their `stop` works, and `drive` is refused without its `stamp`."""
 
 ERRORS: Mapping[str, str] = {
     "no_json": "The message is no JSON object.",
@@ -30,8 +33,9 @@ ERRORS: Mapping[str, str] = {
     "no_base": "The run has no base to drive, or no head to turn.",
     "no_wheels": "Somebody else drives, or nobody has taken the wheels.",
     "unsupported": "This run cannot have what is to go wrong: only one in simulated time can, with the parts it uses.",
-    "late": "The command was more than 0.3 s longer on its way than others before it: the base stops at once.",
-    "out_of_order": "Its number is not higher than that of the last: the base stops at once.",
+    "stale": "The state behind the command is older than 0.5 s, or not one of this run: the base stops at once.",
+    "let_go": "The base has stopped as commands or states were late: stand still once (both 0), then drive again.",
+    "out_of_order": "Its number is not higher than that of the last, or its state is an older one: the base stops.",
     "stopped": "A stop is latched: release it first.",
     "not_stopped": "No such stop is latched.",
     "busy": "The mission itself moves the head: pause it first.",
@@ -142,6 +146,8 @@ class State:
     stops: Annotated[int, "How many stops there were: the number of the last one."]
     stopped: Annotated[str, "Who has latched the last stop; empty while none is."]
     driver: Annotated[str, "Who has the wheels; empty for the mission."]
+    stamp: Annotated[int, "Drawn anew for each state: `drive` and `look` return the newest."]
+    round_trip: Annotated[float, "How old (s) the state behind the driver's last command was; 0 where there is none."]
     asking: Annotated[Sequence[str], "Who asks for the wheels."]
     changed: Annotated[
         Mapping[str, Sequence[object]] | None, "By the key of a node: its status, its reason, and since when."

@@ -120,7 +120,7 @@ class Session:
         try:
             command = read_command(line)
             if not isinstance(command, Hello):
-                raise BadMessage("hello_first", "the first command is hello", '{"do": "hello", "version": "1"}')
+                raise BadMessage("hello_first", "the first command is hello", '{"do": "hello", "version": "2"}')
             if command.version not in self._studio.versions:
                 raise BadMessage("old_page", "this page is of another version of the studio", "reload it")
         except BadMessage as error:

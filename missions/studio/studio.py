@@ -19,7 +19,7 @@ from missions.studio.fleet import FleetDesk
 from missions.studio.form import BadMessage, written
 from missions.studio.hub import Hub
 from missions.studio.launch import Launcher
-from missions.studio.messages import VERSION, Runs, Welcome
+from missions.studio.messages import OLDEST_VERSION, VERSION, Runs, Welcome
 from missions.studio.reader import Reader
 from missions.studio.wishes import (
     AddPerson,
@@ -79,7 +79,8 @@ class Studio:
         self._shown: WeakKeyDictionary[Client, deque[bytes]] = WeakKeyDictionary()  # pictures of somebody
         self._names = 0
         self._presses: deque[str] = deque(maxlen=MOST_PRESSES)
-        self.versions = {edition(), str(VERSION)}
+        # A page that was loaded from an older studio has to stop robots, too.
+        self.versions = {edition(), *map(str, range(OLDEST_VERSION, VERSION + 1))}
 
     def name(self, role: Role) -> str:
         """Return what a new client is called."""

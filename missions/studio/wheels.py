@@ -2,18 +2,16 @@
 
 from math import inf, radians
 
-from drivers.api import COMMAND_LIFE, Base, Head
+from drivers.api import Base, Head
 from drivers.clock import Clock
 from missions.hands.teleop.keymap import Push
 from missions.hands.teleop.pilot import Pilot
 from missions.studio.commands import Drive, Look
 from missions.studio.form import BadMessage
+from missions.studio.state_stamps import KEPT_TIME, StateStamps
 
-LATE = COMMAND_LIFE
-"""Seconds that a command may be longer on its way than the quickest one of its driver."""
-
-ANEW = 1.0
-"""Seconds without a command after which a driver has to let go, before the base obeys again: the link was lost."""
+MAX_STATE_AGE = 0.5
+"""Seconds for which the base obeys a driver who has seen a state: there and back, and until the next command."""
 
 HEAD_SPEED = radians(60)
 """How fast the head turns with the stick pushed all the way, in rad/s."""
@@ -34,11 +32,27 @@ class Wheels:
         self._clock = clock
         self._driver: object | None = None
         self._names: dict[object, str] = {}  # of the driver, and of those who ask, in their order
+        self._stamps = StateStamps(clock)
         self._number = -1
-        self._quickest = inf  # the least difference of its clock and ours, of all its commands
-        self._came = -inf
+        self._state_at = -inf  # when the newest state was issued that the driver has seen
         self._looked = -inf
         self._lost = self._moving = False
+        self.round_trip = 0.0
+        """How old (s) the state behind the driver's last command was; 0 where there is none."""
+
+    @property
+    def ends_at(self) -> float:
+        """When the base is to stop, as the state behind the command in force is too old then; inf where it stands."""
+        return self._state_at + MAX_STATE_AGE if self._moving and not self._lost else inf
+
+    def stamp(self) -> int:
+        """Return the stamp of a state that is sent now."""
+        return self._stamps.issue()
+
+    def check(self, now: float) -> None:
+        """Stop the base if the state behind the command in force is too old."""
+        if now >= self.ends_at:
+            self._let_go()
 
     @property
     def driver(self) -> str:
@@ -60,7 +74,8 @@ class Wheels:
             raise BadMessage("no_base", "this run has no base to drive")
         self._names[key] = name
         if self._driver is None or self._driver is key:
-            self._hand_to(key)  # to the same one anew: its clock may have stood still
+            self._let_go()
+            self._hand_to(key)  # to the same one anew: it may count its commands from 0 again
         return self._driver is key
 
     def give(self, key: object) -> None:
@@ -71,14 +86,13 @@ class Wheels:
             self._hand_to(next(iter(self._names), None))
 
     def drive(self, key: object, command: Drive) -> None:
-        """Drive as commanded, for ``COMMAND_LIFE``."""
-        pilot, base, now = self._owned(key, command)
+        """Drive as commanded, for ``COMMAND_LIFE``, and no longer than until ``ends_at``."""
+        pilot, base, _ = self._owned(key, command)
         still = command.ahead == 0 and command.left == 0
-        self._lost = not still and (self._lost or (self._moving and now - self._came > ANEW))
-        self._came, self._moving = now, not still
+        self._lost, self._moving = self._lost and not still, not still
         if self._lost:
             pilot.steer(None)
-            raise BadMessage("late", "the link was lost for a while: let go, and begin anew")
+            raise _not_let_go()
         if base.latched:
             raise BadMessage("stopped", base.latched, "release it first")
         pilot.ahead = pilot.turn = command.pace
@@ -91,6 +105,8 @@ class Wheels:
         pilot, _, now = self._owned(key, command)
         if not self._has_head:
             raise BadMessage("no_base", "this run has no head to turn")
+        if self._lost and (command.left or command.down):
+            raise _not_let_go()
         seconds = min(now - self._looked, LONGEST_TURN)
         self._looked = now
         pilot.look(command.left * HEAD_SPEED * seconds, command.down * HEAD_SPEED * seconds)
@@ -102,24 +118,35 @@ class Wheels:
         self._let_go()
 
     def _owned(self, key: object, command: Drive | Look) -> tuple[Pilot, Base, float]:
-        """Return with what and when to do a command, if it counts; at one late or out of order the base stops."""
+        """Return with what and when to do a command, if it counts; at one that does not the base stops."""
         now = self._clock.now()
         if self._pilot is None or self._base is None:
             raise BadMessage("no_base", "this run has no base to drive")
         if self._driver is not key:
             who = f"{self.driver} drives" if self._driver is not None else "nobody has taken the wheels"
             raise BadMessage("no_wheels", who, "take")
+        self.check(now)
         number, self._number = self._number, max(self._number, command.n)
         if command.n <= number:
             self._pilot.steer(None)
             raise BadMessage("out_of_order", f"number {command.n} comes after {number}: the base stops")
-        way = now - command.t
-        self._quickest = min(self._quickest, way)
-        if way - self._quickest > LATE:
-            self._pilot.steer(None)
-            more = f"{way - self._quickest:.1f} s longer on its way than others: the base stops"
-            raise BadMessage("late", more, "take the wheels anew, where that stays so")
+        self._check_state(command.stamp, now)
         return self._pilot, self._base, now
+
+    def _check_state(self, stamp: int, now: float) -> None:
+        """Raise BadMessage and stop the base unless the state behind a command is young, and none before the last."""
+        issued = self._stamps.issued_at(stamp)
+        if issued is not None:
+            self.round_trip = now - issued
+        if issued is None or now - issued >= MAX_STATE_AGE:
+            self._let_go()
+            age = f"over {KEPT_TIME:g} s old, or not of this run" if issued is None else f"{now - issued:.1f} s old"
+            more = f"the state behind the command is {age}: the base stops ({MAX_STATE_AGE:g} s at most)"
+            raise BadMessage("stale", more, "let go, and drive once the link is quicker")
+        if issued < self._state_at:
+            self._let_go()
+            raise BadMessage("out_of_order", "its state is older than that of the last command: the base stops")
+        self._state_at = issued
 
     def _let_go(self) -> None:
         if self._pilot is not None:
@@ -128,5 +155,10 @@ class Wheels:
 
     def _hand_to(self, key: object | None) -> None:
         self._driver = key
-        self._number, self._quickest, self._came = -1, inf, self._clock.now()
+        self._number, self._state_at = -1, -inf
         self._lost = self._moving = False
+        self.round_trip = 0.0
+
+
+def _not_let_go() -> BadMessage:
+    return BadMessage("let_go", "the base has stopped, as commands or states were late", "let go, and begin anew")

@@ -109,7 +109,7 @@ async def say(socket: ClientConnection, **command: object) -> None:
     """Send a command; the first one of a connection is hello."""
     if not getattr(socket, "greeted", False):
         socket.greeted = True  # type: ignore[attr-defined]
-        await socket.send('{"do": "hello", "version": "1"}')
+        await socket.send('{"do": "hello", "version": "2"}')
     await socket.send(json.dumps(command))
 
 
@@ -190,7 +190,7 @@ async def watched(its: Busy, asks: argparse.Namespace, *, stops: bool = True) ->
         await say(deaf, do="watch", run=run, pictures=pictures)
         for _ in range(asks.clients):
             group.create_task(page(*at, run, zero, until, pictures, found))
-            await say(await ends.enter_async_context(opened(*at)), do="hello", version="1")
+            await say(await ends.enter_async_context(opened(*at)), do="hello", version="2")
         if stops:
             group.create_task(asyncio.to_thread(sleep_on, until, found))
             group.create_task(stopper(*at, run, until, found))

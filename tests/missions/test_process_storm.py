@@ -21,6 +21,7 @@ from websockets.exceptions import WebSocketException
 
 from drivers.clock import SystemClock
 from missions.studio.sockets import linked, path_of
+from missions.studio.wheels import MAX_STATE_AGE
 from tests.forked import Forked
 from tests.missions.left import MARK, left_of, marked, nobody_left, readable, writer_of
 from tests.missions.lone_base import LoneBase, lone_base
@@ -56,8 +57,7 @@ class Play:
     chance: Random
     served: Served | None = None
     client: Client | None = None
-    commands: int = 0
-    hears: bool = True
+    stamp: int | None = None  # by which a driver who hears nothing drives on
     latched: bool = False
     alone: bool = False  # who drives has been lost, and nobody else drives
     wrong: list[str] = field(default_factory=list)
@@ -138,7 +138,9 @@ class Play:
         if self.client is None:
             return
         if strike == "driver hears nothing":
-            self.hears = False
+            self.stamp = self.client.stamps.get(str(self.process.pid), 0)
+            self._drive(MAX_STATE_AGE)
+            self._rests_since_now(strike)
             return
         self.alone = True
         if strike == "driver gone":
@@ -156,13 +158,8 @@ class Play:
         clock = SystemClock()
         while clock.now() < seconds:
             if self.client is not None and not self.alone:
-                self.commands += 1
                 with suppress(OSError, WebSocketException, TimeoutError):
-                    self.client.send(
-                        do="drive", run=str(self.process.pid), n=self.commands, t=clock.now(), ahead=1.0, left=0.3
-                    )
-                    if self.hears:
-                        self.client.socket.recv(timeout=RENEWED)
+                    self.client.drive(str(self.process.pid), left=0.3, stamp=self.stamp)
             self.pause.wait(RENEWED)
             if self.latched or self.alone:
                 self._stands()

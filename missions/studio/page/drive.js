@@ -2,7 +2,7 @@
 
 import { button, el, field, panel, put, tell, toggle } from "./dom.js";
 import { Target } from "./form.js";
-import { figure } from "./words.js";
+import { figure, seconds } from "./words.js";
 import "./camera.js";
 import "./plan.js";
 import "./stick.js";
@@ -10,6 +10,8 @@ import "./stick.js";
 const PERIOD = 60; // milliseconds from one command to the next
 const TOLD = 1000; // milliseconds in which a run tells who drives
 const ZEROS = 3; // commands of standing still, after the last one that moves
+const PROBE = 500; // milliseconds from one command to the next while the stick rests: the run measures the round trip
+export const OLDEST = 500; // milliseconds that the state behind a command may be old: the run refuses older ones
 const KEYS = {
   w: [1, 0, 0, 0], ArrowUp: [1, 0, 0, 0], s: [-1, 0, 0, 0], ArrowDown: [-1, 0, 0, 0],
   a: [0, 1, 0, 0], ArrowLeft: [0, 1, 0, 0], d: [0, -1, 0, 0], ArrowRight: [0, -1, 0, 0],
@@ -29,11 +31,15 @@ export class Drive {
   #still = { drive: ZEROS, look: ZEROS };
   #given = false; // the wheels, and the run has not told so yet
   #blocked = false; // until all is let go: a command was late, or a stop was pressed
+  #refused = false; // by the run, since all was let go last
+  #driven = -Infinity; // when a command was sent last
   #base = el("studio-stick", { role: "group", "aria-label": "Stick of the base: drag it, or hold W A S D or the arrow keys" });
   #head = el("studio-stick", { role: "group", "aria-label": "Stick of the head: drag it, or hold I J K L" });
   #take = button("Take the wheels", () => this.#wheels(), { class: "main" });
   #said = el("p", { class: "wheels", role: "status" });
   #asked = el("div", { class: "warning", role: "alert", hidden: true });
+  #delay = el("p", { class: "facts delay" });
+  #slow = el("div", { class: "warning slow", role: "alert", hidden: true });
   #pace = el("input", { type: "range", min: "5", max: "100", step: "5", value: "30" });
   #limit = el("output");
   #camera = el("studio-camera");
@@ -52,7 +58,7 @@ export class Drive {
     this.node = el("div", { class: "view drive" },
       el("div", { class: "scene" }, panel("Camera", "camera", this.#camera), panel("Plan", "plan", this.#plan)),
       el("div", { class: "cockpit" },
-        this.#alone, el("div", { class: "row" }, this.#take, this.#said), this.#asked, limit,
+        this.#alone, el("div", { class: "row" }, this.#take, this.#said), this.#delay, this.#slow, this.#asked, limit,
         el("div", { class: "sticks" }, el("div", null, this.#base, el("span", null, "drive")), el("div", null, this.#head, el("span", null, "head"))),
         keys, this.#pad));
     this.#camera.begin(watcher);
@@ -62,7 +68,11 @@ export class Drive {
     watcher.addEventListener("state", ({ detail }) => (this.#plan.show(detail), this.#state()));
     watcher.addEventListener("over", () => (this.#let_go(), this.#state()));
     link.on("how", () => (this.#let_go(), this.#state()));
-    link.on("trouble", (error) => error.error === "late" && this.#block());
+    link.on("trouble", ({ error }) => {
+      if (error !== "stale" && error !== "let_go") return;
+      this.#refused = true;
+      this.#block();
+    });
     stop.addEventListener("stop", () => this.#block());
     setInterval(() => this.#send(), PERIOD);
     this.#pace.addEventListener("input", () => this.#state());
@@ -162,15 +172,53 @@ export class Drive {
     return [-y, -x, -(pan ?? 0), tilt ?? 0];
   }
 
+  /** Milliseconds between a state and a command that is based on it: as the run has measured it, or by the link. */
+  get #roundTrip() {
+    const { state } = this.#watcher;
+    return Math.max(this.#link.roundTrip, this.#mine ? 1000 * state.round_trip : 0);
+  }
+
+  /** Why the base does not obey; an empty text where it does. */
+  get #refusal() {
+    if (!this.#watcher.lives || !this.#link.open || this.#link.welcome?.role !== "operator") return "";
+    if (this.#mine && performance.now() - this.#watcher.came > OLDEST) return "Driving is refused: no new state comes from the robot.";
+    if (this.#roundTrip > OLDEST) {
+      return "Driving is refused: the link is too slow. You would see too late what the robot does, and it would stop too late. "
+        + "Go nearer to its wireless network, or switch the camera off.";
+    }
+    if (this.#blocked && this.#refused) return "The base has stopped: your last command came too late. Let go, and begin anew.";
+    return "";
+  }
+
+  #show_delay() {
+    if (!this.#shown) return;
+    const known = this.#watcher.lives && this.#link.open;
+    const delay = this.#roundTrip;
+    const told = delay < 1000 ? `${Math.round(delay / 10) * 10} ms` : seconds(delay / 1000);
+    put(this.#delay, known ? `Round trip: ${told} (up to ${OLDEST} ms to drive)` : "");
+    const refusal = this.#refusal;
+    put(this.#slow, refusal);
+    this.#slow.hidden = !refusal;
+    this.node.classList.toggle("refused", Boolean(refusal));
+  }
+
+  /** The number of a command, and the newest state that it is based on. */
+  #stamp() {
+    this.#driven = performance.now();
+    return { n: ++this.#number, stamp: this.#watcher.state.stamp };
+  }
+
   #send() {
     const [ahead, left, pan, tilt] = this.#wanted();
     const moving = ahead || left || pan || tilt;
-    if (!moving) this.#blocked = false;
+    if (!moving) this.#blocked = this.#refused = false;
+    else if (this.#mine && this.#refusal) this.#blocked = true;
+    this.#show_delay();
     if (!this.#mine || !this.#shown || this.#given || this.#watcher.state.stopped) return;
-    const stamp = () => ({ n: ++this.#number, t: performance.now() / 1000 });
     const go = (word, members, still) => {
       this.#still[word] = still ? this.#still[word] + 1 : 0;
-      if (this.#still[word] <= ZEROS) this.#watcher.send(word, { ...stamp(), ...members });
+      const due = this.#still[word] <= ZEROS || (word === "drive" && performance.now() - this.#driven > PROBE);
+      if (due) this.#watcher.send(word, { ...this.#stamp(), ...members });
     };
     if (this.#blocked) go("drive", { ahead: 0, left: 0 }, true);
     else {
@@ -200,7 +248,7 @@ export class Drive {
     if (!mine || this.#given) return;
     this.#given = true;
     setTimeout(() => (this.#given = false), TOLD);
-    this.#watcher.send("drive", { n: ++this.#number, t: performance.now() / 1000, ahead: 0, left: 0 });
+    this.#watcher.send("drive", { ...this.#stamp(), ahead: 0, left: 0 });
     this.#watcher.send("give");
   }
 
@@ -231,7 +279,7 @@ export class Drive {
     if (!lives) words = "Nothing runs that could be driven.";
     else if (!base) words = "This run has no base to drive.";
     else if (!operator) words = "You may look, and stop.";
-    else if (mine) words = state.stopped ? "A stop is latched: release it first." : "You drive.";
+    else if (mine) words = state.stopped ? "A stop is latched: release it first." : this.#refusal ? "You have the wheels." : "You drive.";
     else if (asked) words = `You have asked ${state.driver} for the wheels.`;
     else if (state.driver) words = `${state.driver} drives.`;
     put(this.#said, words);
@@ -247,6 +295,7 @@ export class Drive {
     const turn = limits && Math.round((limits.turn * share * 180) / Math.PI);
     put(this.#limit, `${this.#pace.value} %${limits ? `: ${figure(limits.speed * share)} m/s, ${turn}°/s` : ""}`);
     this.node.classList.toggle("mine", mine);
+    this.#show_delay();
     this.#offer();
   }
 }

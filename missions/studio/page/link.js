@@ -1,6 +1,6 @@
 // A connection to the studio: opened again when it is lost, with answers to commands, and an age.
 
-const PING = 2000; // milliseconds from one `hello` to the next, so that a link that is dead is noticed
+const PING = 1000; // milliseconds from one `hello` to the next
 const DEAD = 5000; // milliseconds without a word after which a link counts as lost
 const ANSWER = 15000; // milliseconds that an answer may take
 const READING = 120000; // and one for which all missions are read
@@ -31,11 +31,13 @@ export class Link {
   #version;
   #tries = 0;
   #timer = 0;
+  #pings = []; // when each `hello` was sent that has no `welcome` yet
+  #measured = 0;
 
   /** `version` is what `hello` says: that of the page, or of the protocol, which a page of any age may speak. */
   constructor(version = VERSION) {
     this.#version = version;
-    setInterval(() => this.#look(), 1000);
+    setInterval(() => this.#look(), PING);
     addEventListener("online", () => this.retry());
     document.addEventListener("visibilitychange", () => document.hidden || this.retry());
     this.#open();
@@ -54,6 +56,11 @@ export class Link {
 
   get open() {
     return this.how === "open";
+  }
+
+  /** Milliseconds that a word takes there and back, as of the last `hello`; or for which one has waited already. */
+  get roundTrip() {
+    return Math.max(this.#measured, this.#pings.length ? performance.now() - this.#pings[0] : 0);
   }
 
   /** Send a command that needs no answer; return whether it was sent. */
@@ -94,7 +101,8 @@ export class Link {
     this.#socket = socket;
     socket.onopen = () => {
       this.heard = performance.now();
-      socket.send(JSON.stringify({ do: "hello", version: this.#version }));
+      this.#pings = [];
+      this.#ping();
     };
     socket.onmessage = (event) => socket === this.#socket && this.#hear(event.data);
     socket.onclose = () => socket === this.#socket && this.#lost();
@@ -111,6 +119,7 @@ export class Link {
     }
     if (message.say === "welcome") {
       this.welcome = message;
+      this.#measured = performance.now() - (this.#pings.shift() ?? performance.now());
       this.#tries = 0;
       this.#become(this.#version === VERSION && message.page !== VERSION ? "old" : "open");
     }
@@ -150,7 +159,13 @@ export class Link {
     if (this.age > DEAD) {
       this.#socket.close();
       this.#lost();
-    } else if (this.age > PING / 2) this.send({ do: "hello", version: this.#version });
+    } else this.#ping();
+  }
+
+  /** Say hello: it is answered, so that a dead link is noticed, and the round trip known. */
+  #ping() {
+    this.#pings.push(performance.now());
+    this.#socket.send(JSON.stringify({ do: "hello", version: this.#version }));
   }
 
   #become(how) {

@@ -1,7 +1,7 @@
 // The page: its views by their addresses, the run that is shown, and how the link is.
 
 import { el, put, tell } from "./dom.js";
-import { Drive } from "./drive.js";
+import { Drive, OLDEST } from "./drive.js";
 import { Failsafe } from "./failsafe.js";
 import { Fleet } from "./fleet.js";
 import { Link } from "./link.js";
@@ -55,10 +55,11 @@ function runs() {
 
 function told() {
   const age = link.age;
-  const slow = link.open && age > 2500;
+  const slow = link.open && (age > 2500 || link.roundTrip > OLDEST);
+  const how = age > 2500 ? `no word for ${seconds(age / 1000)}` : `slow link: STOP takes ${seconds(link.roundTrip / 1000)} there and back`;
   const words = {
     connecting: "connecting…",
-    open: slow ? `no word for ${seconds(age / 1000)}` : `${link.welcome?.role}${link.welcome?.role === "viewer" ? ": you may look, and stop" : ""}`,
+    open: slow ? how : `${link.welcome?.role}${link.welcome?.role === "viewer" ? ": you may look, and stop" : ""}`,
     lost: `link lost ${Number.isFinite(age) ? `${seconds(Math.round(age / 1000))} ago` : ""}, trying again`,
     refused: "not allowed: open the link that mission studio has printed",
     old: "this page is old: reload it",
@@ -78,8 +79,8 @@ link.on("how", (how) => {
   }
 });
 // What is answered without having been asked is about driving: that the run has ended, is stopped, or is driven by
-// somebody else, the page shows anyway.
-link.on("trouble", (error) => ["no_such_run", "stopped", "no_wheels"].includes(error.error) || tell(error));
+// somebody else, or that commands come too late, the page shows anyway.
+link.on("trouble", (error) => ["no_such_run", "stopped", "no_wheels", "stale", "let_go"].includes(error.error) || tell(error));
 watcher.addEventListener("runs", runs);
 watcher.addEventListener("which", runs);
 watcher.addEventListener("scene", runs);

@@ -3,7 +3,7 @@
 import { button, el, put, tell } from "./dom.js";
 import { Link, StudioError } from "./link.js";
 
-const PROTOCOL = "1";
+const PROTOCOL = "2";
 const AGAIN = 250; // milliseconds from one try to the next, until a stop is answered
 const ANSWER = 1000;
 const HOLD = 1000; // milliseconds that release is to be held

@@ -1,9 +1,9 @@
 """A network between a page and the studio that is slow and loses segments, as TCP lets its users see that.
 
 TCP loses nothing: a segment that was lost is sent again, and all that was sent after it waits. So each piece of up to
-1460 bytes comes ``delay`` seconds after it was sent, a lost one ``AGAIN`` seconds later still (twice the way there and
-back, as the kernel's tail loss probe waits where nothing follows; lost again, twice as long), and never before what was
-sent earlier. Connections lose for themselves.
+1460 bytes comes ``up`` or ``down`` seconds after it was sent, a lost one ``AGAIN`` seconds later still (twice the way
+there and back, as the kernel's tail loss probe waits where nothing follows; lost again, twice as long), and never
+before what was sent earlier. Connections lose for themselves.
 """
 
 import asyncio
@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
+from math import inf
 from threading import Thread
 from typing import Any
 
@@ -24,12 +25,17 @@ Loses = Callable[[int, bool], bool]
 
 class Lossy:
     """Passes on what comes to ``port`` to a ``target`` on this computer. ``upwards`` segments are on their way up;
-    ``sockets`` websockets have been opened."""
+    ``sockets`` websockets have been opened. ``rate`` is how many bytes a second come down, of each connection.
+
+    The delays ``up`` and ``down`` and the rate may change at any time: what is sent from then on has the new ones.
+    """
 
     def __init__(self, target: int, delay: float, loses: Loses) -> None:
         self.port = self.upwards = self.sockets = 0
         self.loses = loses
-        self._target, self._delay = target, delay
+        self.up = self.down = delay
+        self.rate = inf
+        self._target = target
 
     async def serve(self) -> asyncio.Server:
         """Begin."""
@@ -64,17 +70,18 @@ class Lossy:
         with suppress(OSError):
             data = data or await source.read(SEGMENT)
             while data:
-                due, wait = loop.time() + self._delay, AGAIN * self._delay
+                delay = self.up if up else self.down
+                due, wait = loop.time() + delay, AGAIN * delay
                 while self.loses(number, up):
                     due, wait = due + wait, 2 * wait
-                last = max(due, last)
+                last = max(due, last + (0.0 if up else len(data) / self.rate))
                 coming.append(partial(sink.write, data))
                 self.upwards += up
                 loop.call_at(last, come)
                 data = await source.read(SEGMENT)
         coming.append(sink.close)
         self.upwards += up
-        loop.call_at(max(last, loop.time() + self._delay), come)
+        loop.call_at(max(last, loop.time() + (self.up if up else self.down)), come)
 
 
 @contextmanager

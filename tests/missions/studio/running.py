@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from select import select
 from typing import Any
 
 from drivers.clock import SystemClock
@@ -22,20 +23,45 @@ REST = 0.5
 """Seconds within which a base is at rest whatever becomes of the link to who drives it."""
 
 
+class StampedLink(RunLink):
+    """A connection to a run that keeps the stamp of the newest state."""
+
+    __slots__ = ("stamp",)
+
+    def hear(self) -> Mapping[str, Any]:
+        told = super().hear()
+        state = told["state"] if told.get("say") == "scene" else told
+        self.stamp: int | None = state.get("stamp", getattr(self, "stamp", None))
+        return told
+
+    def catch_up(self) -> None:
+        """Read all that has come."""
+        while b"\n" in self._heard or select([self.connection], [], [], 0.0)[0]:
+            self.hear()
+
+
 class Client:
     """Somebody who is connected to a run, and keeps all that is said."""
 
     def __init__(self, run: str) -> None:
-        self.link = RunLink.open(sockets.path_of(run))
+        self.link = StampedLink.open(sockets.path_of(run))
         self.number = 0
-        self.clock = SystemClock()
 
     def ask(self, do: str, **members: object) -> Mapping[str, Any]:
         return self.link.ask({"do": do, **members})
 
     def drive(self, ahead: float = 1.0, left: float = 0.0, pace: float = 1.0) -> Mapping[str, Any]:
         self.number += 1
-        return self.ask("drive", n=self.number, t=self.clock.now(), ahead=ahead, left=left, pace=pace)
+        return self.ask("drive", n=self.number, stamp=self.stamp(), ahead=ahead, left=left, pace=pace)
+
+    def stamp(self) -> int:
+        """Return the stamp of the newest state; begin to watch where none has come."""
+        self.link.catch_up()
+        if self.link.stamp is None:
+            self.send(do="watch")
+            self.hear(lambda told: told["say"] == "scene")
+        assert self.link.stamp is not None
+        return self.link.stamp
 
     def send(self, **members: object) -> None:
         self.link.connection.sendall(json.dumps(members).encode() + b"\n")

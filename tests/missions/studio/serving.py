@@ -12,6 +12,7 @@ from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
+from missions.studio.messages import VERSION
 from missions.studio.sockets import linked, sockets
 from tests.missions.command import Process
 
@@ -54,13 +55,14 @@ class Served:
         return headers["set-cookie"].partition(";")[0]
 
     @contextmanager
-    def client(self, token: str, *, hello: bool = True) -> Iterator["Client"]:
+    def client(self, token: str, *, hello: bool = True, port: int = 0) -> Iterator["Client"]:
+        """Give a client, which comes by another ``port`` where that is not 0."""
         headers = {"Authorization": f"Bearer {token}"}
-        address = f"ws://{self.host}/ws"
+        address = f"ws://127.0.0.1:{port or self.port}/ws"
         with connect(address, additional_headers=headers, max_size=None, compression=None, close_timeout=0.5) as socket:
             client = Client(socket)
             if hello:
-                client.send(do="hello", version="1")
+                client.send(do="hello", version=str(VERSION))
                 client.welcome = client.hear(lambda told: told["say"] == "welcome")
             yield client
 
@@ -71,7 +73,8 @@ class Client:
     def __init__(self, socket: ClientConnection) -> None:
         self.socket = socket
         self.welcome: Mapping[str, Any] = {}
-        self.number = 0
+        self.number = self.driven = 0
+        self.stamps: dict[str, int] = {}  # of the newest state of each run
 
     def send(self, **command: object) -> None:
         self.socket.send(json.dumps(command))
@@ -87,10 +90,32 @@ class Client:
         self.hear(lambda told: told["say"] == "runs" and any(each["run"] == run for each in told["runs"]))
 
     def hear(self, wanted: Callable[[Mapping[str, Any]], object]) -> Mapping[str, Any]:
-        while True:
-            told: Mapping[str, Any] = json.loads(self.socket.recv(timeout=PATIENCE))
-            if wanted(told):
-                return told
+        while not wanted(told := self._next(PATIENCE)):
+            pass
+        return told
+
+    def catch_up(self) -> None:
+        """Read all that has come."""
+        with suppress(TimeoutError):
+            while True:
+                self._next(0.0)
+
+    def drive(self, run: str, ahead: float = 1.0, left: float = 0.0, *, stamp: int | None = None) -> None:
+        """Drive on by the newest state, or by one of a ``stamp``; begin to watch where no state has come."""
+        if run not in self.stamps:
+            self.send(do="watch", run=run)
+            self.hear(lambda told: told["say"] == "scene" and told["run"] == run)
+        self.catch_up()
+        self.driven += 1
+        stamp = self.stamps[run] if stamp is None else stamp
+        self.send(do="drive", run=run, n=self.driven, stamp=stamp, ahead=ahead, left=left, pace=1.0)
+
+    def _next(self, patience: float) -> Mapping[str, Any]:
+        told: Mapping[str, Any] = json.loads(self.socket.recv(timeout=patience))
+        state = told["state"] if told["say"] == "scene" else told
+        if "stamp" in state:
+            self.stamps[told["run"]] = state["stamp"]
+        return told
 
 
 @contextmanager

@@ -17,9 +17,10 @@ from tests.cases import each
         ({"joints": {"elbow": [0.5, 0.0, 30.0]}}, MOVING),
         ({"scan": [[1.0, 0.0]]}, MOVING),
         ({"tick": 7}, IDLE),
+        ({"driver": "Ada"}, MOVING),
     ],
 )
-def test_who_watches_is_told_soon_again_where_a_robot_is_while_that_changes(
+def test_who_watches_is_told_soon_again_while_the_robot_moves_or_somebody_drives(
     news: dict[str, object], pause: float
 ) -> None:
     clock = ManualClock()

@@ -116,8 +116,8 @@ def test_what_is_no_command_is_answered_by_name_and_changes_nothing(run: Process
         client.link.connection.sendall(b"nonsense\n")
         assert client.hear(lambda told: told["say"] == "answer")["error"] == "no_json"
         assert client.ask("library")["error"] == "unknown_command"  # which is the studio's, not a run's
-        assert client.ask("drive", n=1, t=0, ahead=9, left=0)["error"] == "bad_field"
-        assert client.ask("drive", n=1, t=0, ahead=1, left=0)["error"] == "no_wheels"
+        assert client.ask("drive", n=1, stamp=0, ahead=9, left=0)["error"] == "bad_field"
+        assert client.ask("drive", n=1, stamp=0, ahead=1, left=0)["error"] == "no_wheels"
         client.link.connection.sendall(b"x" * 200_000)
         assert client.hear(lambda told: told["say"] == "answer")["error"] == "too_large"
 

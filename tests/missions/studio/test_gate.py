@@ -45,8 +45,8 @@ ROUTES = {
 
 NEEDS: Mapping[str, dict[str, object]] = {
     "mission": {"name": "greet"}, "world": {"name": "living_room"}, "start": {"mission": "greet"},
-    "release": {"stop": 1}, "drive": {"n": 1, "t": 0, "ahead": 0, "left": 0},
-    "look": {"n": 1, "t": 0, "left": 0, "down": 0},
+    "release": {"stop": 1}, "drive": {"n": 1, "stamp": 0, "ahead": 0, "left": 0},
+    "look": {"n": 1, "stamp": 0, "left": 0, "down": 0},
     "seen": {"t": 0}, "record": {"name": "none"}, "moment": {"name": "none", "t": 0},
     "compare": {"name": "none", "other": "none"}, "add_task": {"mission": "greet"},
     "move_task": {"task": 1, "priority": 1}, "cancel_task": {"task": 1}, "approve_task": {"task": 1},
@@ -126,7 +126,7 @@ def test_a_websocket_opens_with_a_cookie_and_its_own_page_alone(served: Served) 
             pass
         assert refused.value.response.status_code in (401, 403)
     with connect(address, additional_headers={"Cookie": cookie}, origin=Origin(own)) as client:
-        client.send('{"do": "hello", "version": "1"}')
+        client.send('{"do": "hello", "version": "2"}')
         assert json.loads(client.recv(timeout=PATIENCE))["role"] == "viewer"
 
 
@@ -378,7 +378,7 @@ def test_behind_a_proxy_that_speaks_tls_it_goes_by_the_name_that_it_was_given(ce
         with pytest.raises(InvalidStatus, match="403"):
             page("https://other.example")
         with page(own) as browser:
-            browser.send('{"do": "hello", "version": "1"}')
+            browser.send('{"do": "hello", "version": "2"}')
             assert json.loads(browser.recv(timeout=PATIENCE))["role"] == "viewer"
             client = Client(browser)
             assert client.ask("stop")["ok"]
@@ -401,7 +401,7 @@ def test_with_a_certificate_it_speaks_tls_and_its_cookie_stays_on_it(certificate
             assert "Secure" in (connection.getresponse().getheader("set-cookie") or "")
         headers = {"Authorization": f"Bearer {served.operator}"}
         with connect(f"wss://{served.host}/ws", additional_headers=headers, ssl=trusting) as client:
-            client.send('{"do": "hello", "version": "1"}')
+            client.send('{"do": "hello", "version": "2"}')
             assert json.loads(client.recv(timeout=PATIENCE))["say"] == "welcome"
 
 

@@ -3,14 +3,13 @@
 import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
-from itertools import count
 from pathlib import Path
 from threading import Event, Thread
 
 import pytest
 from websockets.sync.client import connect
 
-from drivers.clock import SystemClock
+from missions.studio.messages import VERSION
 from tests.missions.lone_base import LoneBase
 from tests.missions.studio.running import REST, run_of, seconds_to_rest
 from tests.missions.studio.serving import Client, Served, studio
@@ -59,22 +58,19 @@ def driver(served: Served, proxy: Proxy) -> Iterator[Client]:
         f"ws://{served.host}/ws", sock=proxy.driver, additional_headers=headers, compression=None, close_timeout=0.1
     ) as opened:
         client = Client(opened)
-        client.send(do="hello", version="1")
+        client.send(do="hello", version=str(VERSION))
         yield client
 
 
 def test_the_base_rests_when_the_links_are_made_anew(tmp_path: Path) -> None:
     with run_of(tmp_path) as (process, base), studio() as served, ExitStack() as clients:
         other, client = (clients.enter_context(served.client(served.operator)) for _ in range(2))
-        clock, run = SystemClock(), str(process.process.pid)
+        run = str(process.process.pid)
         client.hear_of(run)
         assert client.ask("take", run=run)["result"]["yours"]
-        number = 0
 
         def pushed_on() -> bool:
-            nonlocal number
-            number += 1
-            client.send(do="drive", run=run, n=number, t=clock.now(), ahead=1.0, left=0.0, pace=1.0)
+            client.drive(run)
             return base.seen().moving
 
         wait_until(pushed_on, pause=0.02)
@@ -92,12 +88,11 @@ def test_the_base_rests_when_nothing_of_its_driver_comes_through(served: Served,
 
 def held_up(way: str, client: Client, proxy: Proxy, run: str, base: LoneBase) -> None:
     """Drive, and have all that comes and goes held up on its way."""
-    clock, numbers = SystemClock(), count(1)
     client.hear_of(run)
     wait_until(lambda: client.ask("take", run=run)["result"]["yours"])  # once who drove before is known to have gone
 
     def pushed_on() -> bool:
-        client.send(do="drive", run=run, n=next(numbers), t=clock.now(), ahead=1.0, left=0.0, pace=1.0)
+        client.drive(run)
         return base.seen().moving
 
     wait_until(pushed_on, pause=0.02)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.studio.wheels import ANEW
+from missions.studio.wheels import MAX_STATE_AGE
 from tests.browser import Browser, chromium
 from tests.missions.command import Process
 from tests.missions.lone_base import LoneBase
@@ -127,7 +127,7 @@ def test_the_base_rests_when_the_browser_is_stopped_as_by_a_laptops_lid_and_when
                     os.kill(each, signal.SIGSTOP if what == "stopped" else signal.SIGKILL)
             since = base.seen().heard_at
             rests[what] = rest = seconds_to_rest(base, since)
-            wait_until(hears_after(base, since + rest + ANEW))
+            wait_until(hears_after(base, since + rest + MAX_STATE_AGE))
             base.seen(forget=True)
             if what == "stopped":
                 for each in processes:

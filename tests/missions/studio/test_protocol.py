@@ -15,6 +15,9 @@ from tests.cases import each
 
 SCHEMA: Any = protocol()
 
+WRONG_STAMPS = ("null", "true", '"5"', "5.0", "1e9", "NaN", "Infinity", "-1", str(2**53 + 1), "[5]", "{}")
+"""What is no whole number, or no stamp that can be drawn."""
+
 
 def test_the_schema_is_one() -> None:
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
@@ -26,8 +29,8 @@ def test_what_is_said_is_what_the_schema_describes(message: object) -> None:
 
 
 def test_a_command_is_read_with_its_defaults() -> None:
-    line = '{"do": "drive", "run": "7", "n": 1, "t": 0.5, "ahead": 1, "left": -0.5}'
-    assert read_command(line) == Drive(run="7", n=1, t=0.5, ahead=1, left=-0.5, pace=0.5)
+    line = '{"do": "drive", "run": "7", "n": 1, "stamp": 5, "ahead": 1, "left": -0.5}'
+    assert read_command(line) == Drive(run="7", n=1, stamp=5, ahead=1, left=-0.5, pace=0.5)
     jsonschema.validate(json.loads(line), SCHEMA)
 
 
@@ -48,9 +51,14 @@ def test_a_command_comes_back_as_it_was_written() -> None:
         ('{"do": "release", "run": "1"}', "bad_field", "'stop' is missing"),
         ('{"do": "release", "run": "1", "stop": true}', "bad_field", "whole number"),
         ('{"do": "release", "run": "1", "stop": 1.5}', "bad_field", "whole number"),
-        ('{"do": "drive", "run": "1", "n": 1, "t": 0, "ahead": 1.1, "left": 0}', "bad_field", "within -1 and 1"),
-        ('{"do": "drive", "run": "1", "n": 1, "t": 0, "ahead": NaN, "left": 0}', "bad_field", "a number"),
-        ('{"do": "drive", "run": "1", "n": -1, "t": 0, "ahead": 0, "left": 0}', "bad_field", "within 0"),
+        ('{"do": "drive", "run": "1", "n": 1, "stamp": 0, "ahead": 1.1, "left": 0}', "bad_field", "within -1 and 1"),
+        ('{"do": "drive", "run": "1", "n": 1, "stamp": 0, "ahead": NaN, "left": 0}', "bad_field", "a number"),
+        ('{"do": "drive", "run": "1", "n": -1, "stamp": 0, "ahead": 0, "left": 0}', "bad_field", "within 0"),
+        *(
+            (f'{{"do": "{word}", "n": 1, {stamp}"{ahead}": 1, "left": 0}}', "bad_field", "'stamp'")
+            for word, ahead in (("drive", "ahead"), ("look", "down"))
+            for stamp in ("", *(f'"stamp": {wrong}, ' for wrong in WRONG_STAMPS))
+        ),
         ('{"do": "start", "mission": "greet", "simulate": "slow"}', "bad_field", "one of"),
         ('{"do": "start", "mission": "greet", "params": {"a": 5}}', "bad_field", "'params.a'"),
         ('{"do": "start", "mission": 7}', "bad_field", "a text"),

@@ -130,7 +130,7 @@ def test_a_stop_is_done_and_written_down_although_who_asked_for_it_has_gone_at_o
         run, studio = StandInRun(number), studio_of(tmp_path)
         run.answers.set()
         stop = {"do": "stop", "press": "a", **({"run": number} if which else {})}
-        client = Leaving('{"do": "hello", "version": "1"}', json.dumps(stop))
+        client = Leaving('{"do": "hello", "version": "2"}', json.dumps(stop))
         async with run.served(), studio.hub:
             await studio.hub.look()
             await Session(cast("Any", client), "viewer", "gone", studio).run()

@@ -10,7 +10,6 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from drivers.clock import SystemClock
 from missions.studio.messages import protocol
 from tests.missions.command import Process
 from tests.missions.lone_base import LoneBase
@@ -24,7 +23,7 @@ class Driver:
 
     def __init__(self, client: Client, run: str) -> None:
         self.client, self.run = client, run
-        self.clock, self.number = SystemClock(), 0
+        self.number = 0
         self.client.ask("watch", run=run, state=False)
 
     def take(self) -> bool:
@@ -32,8 +31,7 @@ class Driver:
 
     def push(self, ahead: float = 1.0) -> None:
         self.number += 1
-        told = {"n": self.number, "t": self.clock.now(), "ahead": ahead, "left": 0.0, "pace": 1.0}
-        self.client.send(do="drive", run=self.run, **told)
+        self.client.drive(self.run, ahead)
 
     def push_until_it_moves(self, base: LoneBase) -> float:
         """Drive, and return when, by the base's own clock, the last command was given."""
@@ -126,7 +124,7 @@ def test_one_drives_at_a_time_and_hands_over_when_asked(scene: tuple[Served, Pro
         asked = first.client.hear(lambda told: told["say"] in ("scene", "state"))
         state = asked.get("state", asked)
         assert (state["driver"], state["asking"]) == (first.client.welcome["name"], [other.client.welcome["name"]])
-        other.push()
+        other.client.send(do="drive", run=first.run, n=1, stamp=0, ahead=1.0, left=0.0)
         assert other.client.hear(lambda told: told["say"] == "answer")["error"] == "no_wheels"
         assert first.client.ask("give", run=first.run)["ok"]
         assert other.take()
@@ -216,3 +214,14 @@ def test_a_stop_waits_for_no_client_that_reads_nothing(served: Served, tmp_path:
         for number in (1, 2, 3):
             assert operator.ask("stop")["result"]["stopped"][run]["parts"] == ["base"]
             assert operator.ask("release", run=run, stop=number)["ok"]
+
+
+def test_a_page_of_the_version_before_still_stops_and_does_not_drive(served: Served, tmp_path: Path) -> None:
+    with simulated_run(tmp_path) as process, served.client(served.operator, hello=False) as client:
+        run = str(process.process.pid)
+        client.send(do="hello", version="1")
+        client.hear_of(run)
+        assert client.ask("take", run=run)["ok"]
+        client.send(do="drive", run=run, n=1, t=0.0, ahead=1.0, left=0.0)
+        assert client.hear(lambda told: told["say"] == "answer")["error"] == "bad_field"
+        assert client.ask("stop", run=run)["result"]["stopped"][run]["parts"] == ["base"]

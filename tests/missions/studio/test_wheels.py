@@ -8,7 +8,8 @@ from drivers.api import STILL, HeadPose, Source, Velocity
 from drivers.clock import ManualClock
 from missions.studio.commands import Drive, Look
 from missions.studio.form import BadMessage
-from missions.studio.wheels import ANEW, LATE, Wheels
+from missions.studio.state_stamps import KEPT_TIME
+from missions.studio.wheels import MAX_STATE_AGE, Wheels
 from missions.testing.recorders import STOP, RecordedBase, RecordedHead
 
 
@@ -23,15 +24,16 @@ class Driving:
         self.number = 0
 
     def drive(
-        self, who: str = "Ada", *, ahead: float = 1.0, sent: float | None = None, number: int | None = None
+        self, who: str = "Ada", *, ahead: float = 1.0, stamp: int | None = None, number: int | None = None
     ) -> None:
         self.number = self.number + 1 if number is None else number
-        sent = self.clock.now() if sent is None else sent
-        self.wheels.drive(who, Drive(n=self.number, t=sent, ahead=ahead, left=0.0, pace=0.5))
+        stamp = self.wheels.stamp() if stamp is None else stamp
+        self.wheels.drive(who, Drive(n=self.number, stamp=stamp, ahead=ahead, left=0.0, pace=0.5))
 
-    def look(self, who: str = "Ada") -> None:
+    def look(self, who: str = "Ada", *, stamp: int | None = None) -> None:
         self.number += 1
-        self.wheels.look(who, Look(n=self.number, t=self.clock.now(), left=1.0, down=0.0))
+        stamp = self.wheels.stamp() if stamp is None else stamp
+        self.wheels.look(who, Look(n=self.number, stamp=stamp, left=1.0, down=0.0))
 
     @property
     def commands(self) -> list[object]:
@@ -94,14 +96,90 @@ def test_the_base_stops_at_a_number_out_of_order_and_obeys_the_next(driving: Dri
     assert not driving.stands
 
 
-def test_the_base_stops_at_a_command_that_was_long_on_its_way_whatever_clock_its_sender_has(driving: Driving) -> None:
+def test_the_base_stops_at_a_command_behind_which_an_old_state_is(driving: Driving) -> None:
     driving.wheels.take("Ada", "Ada")
-    driving.drive(sent=-1e6)
-    driving.clock.advance(LATE + 0.01)
-    refused("late", lambda: driving.drive(sent=-1e6))
+    driving.drive()
+    stamp = driving.wheels.stamp()
+    driving.clock.advance(MAX_STATE_AGE - 0.01)
+    driving.drive(ahead=0.0, stamp=stamp)
+    driving.drive(stamp=stamp)
+    assert driving.wheels.round_trip == pytest.approx(MAX_STATE_AGE - 0.01)
+    driving.clock.advance(0.02)
+    assert "0.5 s old" in refused("stale", lambda: driving.drive(stamp=stamp))
     assert driving.stands
-    driving.drive(sent=-1e6 + LATE)
+    refused("let_go", driving.drive)
+    refused("let_go", driving.look)
+    assert driving.stands
+    driving.drive(ahead=0.0)
+    driving.drive()
     assert not driving.stands
+
+
+@pytest.mark.parametrize("times", [(0.06, 0.12, 0.4, 0.49), ()])
+def test_the_base_stops_once_the_newest_state_is_too_old_whether_commands_go_on_or_not(
+    driving: Driving, times: tuple[float, ...]
+) -> None:
+    driving.wheels.take("Ada", "Ada")
+    stamp = driving.wheels.stamp()
+    driving.drive(stamp=stamp)
+    for sent in times:
+        driving.clock.reach(sent)
+        driving.drive(stamp=stamp)
+    assert driving.wheels.ends_at == MAX_STATE_AGE
+    stood = []
+    for moment in (MAX_STATE_AGE - 0.001, MAX_STATE_AGE):
+        driving.clock.reach(moment)
+        driving.wheels.check(moment)
+        stood.append(driving.stands)
+    assert stood == [False, True]
+    refused("let_go", driving.drive)
+
+
+def test_stamps_that_were_not_issued_are_refused_whatever_they_are(driving: Driving) -> None:
+    driving.wheels.take("Ada", "Ada")
+    driving.drive()
+    newest = driving.wheels.stamp()
+    for forged in {0, 1, newest + 1, newest - 1, 2**53, int(driving.clock.now()) + 1} - {newest}:
+        driving.drive(ahead=0.0, stamp=newest)
+        driving.drive(stamp=newest)
+        assert "not of this run" in refused("stale", lambda stamp=forged: driving.drive(stamp=stamp))  # type: ignore[misc]
+        assert driving.stands
+
+
+def test_a_stamp_older_than_that_of_the_last_command_is_refused(driving: Driving) -> None:
+    driving.wheels.take("Ada", "Ada")
+    older = driving.wheels.stamp()
+    driving.clock.advance(0.1)
+    driving.drive()
+    refused("out_of_order", lambda: driving.drive(stamp=older))
+    assert driving.stands
+
+
+def test_stamps_are_forgotten_after_a_while_and_never_alike(driving: Driving) -> None:
+    driving.wheels.take("Ada", "Ada")
+    first = driving.wheels.stamp()
+    driving.clock.advance(KEPT_TIME + 0.1)
+    stamps = {driving.wheels.stamp() for _ in range(5000)}
+    assert len(stamps) == 5000
+    assert "over 10 s old" in refused("stale", lambda: driving.drive(stamp=first))
+
+
+def test_an_old_state_keeps_the_head_still_too_and_stops_the_base(driving: Driving) -> None:
+    driving.wheels.take("Ada", "Ada")
+    driving.drive()
+    stamp = driving.wheels.stamp()
+    driving.clock.advance(MAX_STATE_AGE)
+    refused("stale", lambda: driving.look(stamp=stamp))
+    assert driving.stands
+    assert not driving.head.commands
+
+
+def test_a_driver_who_takes_the_wheels_anew_has_them_at_rest(driving: Driving) -> None:
+    driving.wheels.take("Ada", "Ada")
+    driving.drive()
+    driving.wheels.take("Ada", "Ada")
+    assert driving.stands
+    assert driving.wheels.round_trip == 0.0
 
 
 def test_the_base_stops_at_a_movement_of_the_head_out_of_order_too(driving: Driving) -> None:
@@ -115,9 +193,9 @@ def test_the_base_stops_at_a_movement_of_the_head_out_of_order_too(driving: Driv
 def test_after_a_lost_link_one_has_to_let_go_before_the_base_obeys_again(driving: Driving) -> None:
     driving.wheels.take("Ada", "Ada")
     driving.drive()
-    driving.clock.advance(ANEW + 0.1)
+    driving.clock.advance(MAX_STATE_AGE)
     for _ in range(3):
-        assert "let go" in refused("late", driving.drive)
+        refused("let_go", driving.drive)
     assert driving.stands
     driving.drive(ahead=0.0)
     driving.drive()
@@ -126,10 +204,10 @@ def test_after_a_lost_link_one_has_to_let_go_before_the_base_obeys_again(driving
 
 def test_who_waits_with_the_stick_let_go_loses_nothing(driving: Driving) -> None:
     driving.wheels.take("Ada", "Ada")
-    driving.clock.advance(10 * ANEW)
+    driving.clock.advance(10.0)
     driving.drive()
     driving.drive(ahead=0.0)
-    driving.clock.advance(10 * ANEW)
+    driving.clock.advance(10.0)
     driving.drive()
 
 
