@@ -72,6 +72,17 @@ class Bus(Channel):
         request = self._codec(at).ping(at.id)
         return _identity(at, self._ask(at, "ping", lambda: self._told(at, request, 3), tries))
 
+    def answers_ping(self, at: At, *, tries: int = TRIES) -> bool:
+        """Say whether anything answers a ping at ``at``, intact or damaged, at any status return level.
+
+        Raises NotConnected.
+        """
+        request, size = self._codec(at).ping(at.id), 3 if at.protocol == 2 else 0
+        damaged = self.tally(at.id).corrupt
+        return any(
+            self._told(at, request, size) is not None or self.tally(at.id).corrupt > damaged for _ in range(tries)
+        )
+
     def read(self, at: At, register: Register) -> int:
         """Return the value of ``register``. Raises NoReply after ``TRIES`` tries, NotConnected, BadRequest."""
         return register.decode(self.read_block(at, register.address, register.size), register.address)

@@ -10,12 +10,15 @@ from drivers.delays import Delays
 from drivers.dynamixel.adapter import Dial, Line, open_line
 from drivers.dynamixel.codec import Codec, Reply, codecs
 from drivers.dynamixel.overdue import Exchange, Overdue, Wanted
-from drivers.dynamixel.units import RETURN_DELAY_STEP, Framing
+from drivers.dynamixel.units import RETURN_DELAY_STEP, Framing, Protocol
 from drivers.dynamixel.wire import REFUSAL, Fault, Packet
 from drivers.errors import BadRequest, NotConnected
 
 RETURN_DELAY = 254 * RETURN_DELAY_STEP
 """Seconds: the longest delay that a servo can be set to before it replies."""
+
+SECOND_REPLY_DELAY = 0.004
+"""Seconds beyond the longest return delay that a second servo with the same ID is listened for."""
 
 
 @dataclass(slots=True)
@@ -23,8 +26,9 @@ class Tally:
     """What became of the requests to one servo.
 
     ``tries`` counts all that it was to answer, ``misses`` those without a reply, ``corrupt`` those with a damaged one,
-    ``late`` replies that came after all, ``refused`` what it would not do. ``worst`` is the longest exchange, in
-    seconds, to which it replied.
+    ``late`` replies that came after all, ``refused`` what it would not do. ``doubles`` counts intact replies beyond the
+    one that was requested: a second servo has the same ID. ``worst`` is the longest exchange, in seconds, to which it
+    replied.
     """
 
     tries: int = 0
@@ -32,6 +36,7 @@ class Tally:
     corrupt: int = 0
     late: int = 0
     refused: int = 0
+    doubles: int = 0
     worst: float = 0.0
 
 
@@ -119,6 +124,10 @@ class Channel:
                     self._release(error)
                     raise
 
+    def now(self) -> float:
+        """Return the time of its clock, in seconds."""
+        return self._clock.now()
+
     def busy(self) -> float:
         """Return for how many seconds the line was in use, by requests, replies and the wait for them, since open."""
         return self._busy
@@ -134,6 +143,24 @@ class Channel:
     def tally(self, servo: int) -> Tally:
         """Return the figures of ``servo`` since the bus was made."""
         return self._tallies[servo]
+
+    def listen(self, protocol: Protocol, size: int, extra: float = SECOND_REPLY_DELAY) -> None:
+        """Wait for as long as a second servo with the same ID may take for a reply of ``size`` bytes of data.
+
+        That is the longest return delay and ``extra`` seconds. Its reply counts in ``Tally.doubles``. Raises
+        NotConnected.
+        """
+        codec = self._codecs[protocol]
+        with self._lock:
+            line = self._opened()
+            reply = (codec.overhead + size) * 10 / self._baud
+            until = self._clock.now() + reply + RETURN_DELAY + extra + self.latency
+            try:
+                while self._clock.now() < until:
+                    self._overhear(line, codec, until)
+            except NotConnected as error:
+                self._release(error)
+                raise
 
     # --- for the bus --------------------------------------------------------------------------------------------------
 
@@ -203,7 +230,7 @@ class Channel:
         if heard := line.hear(until):
             for packet in self._parsers[codec.protocol].feed(heard):
                 if packet.intact and (reply := codec.reply(packet)) is not None and packet not in self._sent:
-                    self._stray(reply)
+                    self._tallies[reply.id].doubles += not self._stray(reply)
 
     def _stray(self, reply: Reply) -> bool:
         """Take note of a reply that nobody waits for; return whether it is one that was overdue."""
@@ -214,6 +241,8 @@ class Channel:
     def _account(self, exchange: Exchange, wanted: Mapping[int, Wanted], sent: float, now: float) -> None:
         """Enter what has become of a request into the figures of those who were to answer it."""
         self._use(sent, now)
+        for servo in exchange.doubles:
+            self._tallies[servo].doubles += 1
         if len(exchange.replies) == len(wanted):
             self.exchanges.add(now - sent)
         for servo, want in wanted.items():

@@ -4,6 +4,7 @@ from contextlib import suppress
 
 from drivers.dynamixel import wire2
 from drivers.dynamixel.bus import TRIES, At, Bus
+from drivers.dynamixel.identification import pings_alone, twin_evidence
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.models import model_of
 from drivers.dynamixel.register import Block
@@ -39,11 +40,18 @@ def difference(bus: Bus, joint: Joint) -> str:
         )
     for block in (joint.model.table.setup, *joint.model.table.slow):
         read(bus, joint, block)
+    if evidence := twin_evidence(bus, joint.at, joint.model):
+        return f"shares its ID with another servo, or has a bad cable ({evidence})"
     return " and ".join(_range_faults(joint) + _mode_faults(joint))
 
 
 def absence(bus: Bus, joint: Joint) -> str:
     """Return what is wrong with a servo that does not answer: it may speak the other protocol. Raises NotConnected."""
+    damaged = bus.tally(joint.spec.id).corrupt
+    if joint.reading.value is None and bus.answers_ping(joint.at, tries=1):
+        if bus.tally(joint.spec.id).corrupt > damaged:
+            return "sends damaged replies: it shares its ID with another servo, or has a bad cable"
+        return str(pings_alone(joint.at)).partition(": ")[2] + ": it answers a ping, and no read"
     other = At(joint.spec.id, 1 if joint.at.protocol == 2 else 2)
     if joint.reading.value is None and other.id <= wire2.LAST_ID:
         with suppress(NoReply, BadRequest):

@@ -98,7 +98,8 @@ class Exchange:
 
     ``replies`` holds what has been answered or refused, by ID; ``spoilt`` the servos whose reply, or whose request,
     was damaged on its way; ``missing`` those that may still answer. ``garbled`` is True once something came that may
-    have been a reply of theirs. ``stray`` is told every sound reply that nobody waits for, and says whether it was
+    have been a reply of theirs. ``doubles`` holds the IDs of replies beyond the one that was requested. ``stray`` is
+    told every sound reply that nobody waits for, and says whether it was
     owed from before; what equals one of ``sent`` is the adapter's echo of our own request.
     """
 
@@ -112,6 +113,7 @@ class Exchange:
         self.codec = codec
         self.replies: dict[int, Reply] = {}
         self.spoilt: set[int] = set()
+        self.doubles: list[int] = []
         self.missing = dict(wanted)
         self.garbled = False
         self._stray = stray
@@ -129,7 +131,8 @@ class Exchange:
             if wanted and size == wanted.size:
                 self._spoil(reply.id)
         elif wanted is None:
-            self._stray(reply)
+            if not self._stray(reply):
+                self.doubles.append(reply.id)
         elif not size and reply.faults & Fault.CHECKSUM:  # what the servo has heard was damaged
             self._spoil(reply.id)
         elif size == wanted.size or (not size and reply.faults & REFUSAL and not self._stray(reply)):

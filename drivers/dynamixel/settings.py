@@ -9,9 +9,12 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from drivers.dynamixel import wire2
 from drivers.dynamixel.bus import At, Bus
+from drivers.dynamixel.identification import SCAN, require_sole
+from drivers.dynamixel.models import model_of
 from drivers.dynamixel.register import Register, Table
-from drivers.dynamixel.units import baud_of
+from drivers.dynamixel.units import Protocol, baud_of
 from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply
 
 WHEREABOUTS = ("id", "baud")
@@ -40,17 +43,19 @@ def planned(bus: Bus, at: At, table: Table, wanted: Mapping[str, int]) -> list[C
     """Return what must be changed for the servo to hold ``wanted``, by names of registers; in the order of writing.
 
     Nothing is written. Raises BadRequest, with all that is wrong with ``wanted``, for a speed without a limit, or for
-    an ID that another servo has; NoReply, NotConnected.
+    an ID that another servo has; DeviceFault unless one servo alone, with this table, has its ID; NoReply,
+    NotConnected.
     """
     who = f"{bus.name}: servo {at.id}"
     registers = _checked(who, table, wanted)
+    _require_sole(bus, at, table)
     if wanted.get(table.speed) == 0 and not _turns_a_wheel(bus, at, table):
         hint = f"1 is the slowest, {table[table.speed].upper} the fastest"
         raise BadRequest(f"{who}: {table.speed} 0 is no speed, but as fast as it can", hint=hint)
     held = [Change(register, bus.read(at, register), wanted[register.name]) for register in registers]
     changes = sorted((change for change in held if change.before != change.after), key=_turn)
     for change in changes:
-        if change.register.name == "id" and _answers(bus, at._replace(id=change.after)):
+        if change.register.name == "id" and _is_taken(bus, change.after):
             raise BadRequest(
                 f"{bus.name}: servo {at.id} cannot become {change.after}: there is a servo with that ID already",
                 hint="mission servo scan  (with the same --robot FILE or --port PORT) lists the IDs that are taken",
@@ -61,11 +66,16 @@ def planned(bus: Bus, at: At, table: Table, wanted: Mapping[str, int]) -> list[C
 def apply(bus: Bus, at: At, table: Table, changes: Sequence[Change]) -> bool:
     """Make ``changes``, each verified before the next; return whether the servo was stiff: then it is limp now.
 
-    When this raises, ``planned`` tells what is left to do. Raises DeviceFault for a register that does not hold what
-    was written to it; BadRequest for what the servo refuses; NoReply when it cannot be found again; NotConnected,
-    before anything is written if the adapter cannot follow to a new baud rate.
+    The servo is identified anew first: it may have been replaced since ``planned``. When this raises, ``planned`` tells
+    what is left to do. Raises DeviceFault, before anything is written, unless one servo alone, with this table, has
+    its ID; DeviceFault for a register that does not hold what was written to it, or an old ID that still answers;
+    BadRequest for what the servo refuses; NoReply when it cannot be found again; NotConnected, before anything is
+    written if the adapter cannot follow to a new baud rate.
     """
+    if not changes:
+        return False
     changes = sorted(changes, key=_turn)
+    _require_sole(bus, at, table)
     lasting = any(change.register.eeprom for change in changes)
     opens = at.protocol == "STS" and lasting
     if lasting and not opens and "lock" in table and bus.read(at, table["lock"]):
@@ -142,16 +152,18 @@ def _turns_a_wheel(bus: Bus, at: At, table: Table) -> bool:
     return at.protocol == 1 and not any(bus.read(at, table[limit]) for limit in table.limits)
 
 
-def _answers(bus: Bus, at: At) -> bool:
-    """Whether anything is heard from ``at``: two servos with one ID already may not be understood."""
-    damaged = bus.tally(at.id).corrupt
-    try:
-        bus.ping(at)
-    except NoReply:
-        return bus.tally(at.id).corrupt > damaged
-    except BadRequest:
-        pass  # whoever refuses is there
-    return True
+def _require_sole(bus: Bus, at: At, table: Table) -> None:
+    """Raise DeviceFault unless one servo alone, with this table, is at ``at``; NoReply, NotConnected."""
+    number = require_sole(bus, at).number
+    known = model_of(number)
+    if known is None or known.table is not table:
+        raise DeviceFault(f"{bus.name}: servo {at.id} is model {number}, which has another control table", hint=SCAN)
+
+
+def _is_taken(bus: Bus, servo: int) -> bool:
+    """Whether anything answers at an ID, in either protocol: two servos that have it may not be understood."""
+    protocols: tuple[Protocol, ...] = (1,) if servo > wire2.LAST_ID else (1, 2)
+    return any(bus.answers_ping(At(servo, protocol)) for protocol in protocols)
 
 
 def _relax(bus: Bus, at: At, table: Table) -> bool:
@@ -168,13 +180,18 @@ def _relax(bus: Bus, at: At, table: Table) -> bool:
 
 def _verified(bus: Bus, at: At, change: Change) -> At:
     """Read a change back, and return where the servo is from now on. Raises DeviceFault, NoReply, NotConnected."""
-    name = change.register.name
+    name, old = change.register.name, at
     if name == "id":
         at = at._replace(id=change.after)
     with _rate_after(bus, at, change):
         held = bus.read(at, change.register)
     if held != change.after:
         raise DeviceFault(f"{bus.name}: servo {at.id}: {name} holds {held} after {change.after} was written to it")
+    if name == "id" and bus.answers_ping(old):
+        raise DeviceFault(
+            f"{bus.name}: servo {at.id} has its new ID, and another servo still answers at {old.id}",
+            hint=f"unplug one of the two, then: mission servo set-id {old.id} NEW",
+        )
     return at
 
 

@@ -1,7 +1,8 @@
 """A virtual chain of Dynamixel and Feetech servos on one wire, of all protocols: bytes and the time in, bytes out.
 
-Unless it is ``paced`` replies leave at once. Two servos with one ID answer on top of each other; a servo at another
-rate than the computer's is deaf, and so is one of the other protocol.
+Unless it is ``paced`` replies leave at once. Two servos with one ID answer on top of each other, or one after the other
+where their delays differ by more than a reply; a servo at another rate than the computer's is deaf, and so is one of
+the other protocol.
 """
 
 from collections import Counter
@@ -15,7 +16,7 @@ from drivers.dynamixel.units import RETURN_DELAY_STEP, baud_code
 from drivers.dynamixel.wire import GAP, Packet
 from drivers.virtual import obey1, obey2, obey_sts
 from drivers.virtual.servo import VirtualServo
-from drivers.virtual.slots import Slot, overlaid
+from drivers.virtual.slots import Slot, collided
 from drivers.virtual.terminal import agree
 
 Obey = Callable[[Packet, Sequence[VirtualServo], float], list[Slot]]
@@ -40,7 +41,8 @@ class VirtualServoBus:
     """The chain as its wire shows it: a ``WireDevice`` that is ``Punctual`` and ``Tunable``.
 
     ``paced`` plays the time that bytes take on the wire, and the return delay of each servo. ``injection`` may be
-    replaced at any time.
+    replaced at any time, and so may ``contention``: it picks those replies of a slot that drive the wire, where the
+    stronger of two drivers wins; without it all do.
     """
 
     def __init__(
@@ -54,6 +56,7 @@ class VirtualServoBus:
         self.servos = tuple(servos)
         self.paced = paced
         self.injection = injection
+        self.contention: Callable[[Slot], Slot] | None = None
         self._ears: list[tuple[wire.Parser, Obey, list[VirtualServo]]] = []
         for protocol, parser, obey in (
             (1, wire.Parser(), obey1.obey),
@@ -162,11 +165,16 @@ class VirtualServoBus:
         return self._free_at
 
     def _reply(self, slot: Slot, now: float) -> None:
-        reply = overlaid([data for _, data in slot])
-        delay = max(servo.settings.return_delay for servo, _ in slot) * RETURN_DELAY_STEP
-        due = self._occupy(len(reply), now, delay)
-        for late, piece in self.injection.arrange(reply) if self.injection else [(0.0, reply)]:
-            self._send(piece, due + late)
+        if self.contention and len(slot) > 1:
+            slot = self.contention(slot)
+        delays = [servo.settings.return_delay * RETURN_DELAY_STEP + servo.skew for servo, _ in slot]
+        first, sent = min(delays), 0.0
+        bursts = collided([((delay - first) * self.baud, data) for delay, (_, data) in zip(delays, slot, strict=True)])
+        for begin, data in bursts:
+            due = self._occupy(len(data), now, first if begin == bursts[0][0] else max(0.0, begin / self.baud - sent))
+            sent = begin / self.baud + len(data) * BITS / self.baud
+            for late, piece in self.injection.arrange(data) if self.injection else [(0.0, data)]:
+                self._send(piece, due + late)
 
     def _send(self, data: bytes, due: float) -> None:
         heappush(self._under_way, (due, next(self._numbers), data))

@@ -34,6 +34,7 @@ class VirtualServo(Memory):
     ``present``: False while it has no cable; ``voltage`` in volts; ``temperature`` in degrees Celsius; ``burden``, the
     torque that it must hold against, as a share of its stall torque, positive when it must push anticlockwise;
     ``damage``, faults of its hardware (ENCODER, SHOCK) that protocol 2.0 can tell. ``held`` is a registered write.
+    ``skew``, the seconds by which it replies later than its return delay says; ``booted``, when its clock was 0.
     """
 
     def __init__(self, servo: int = 1, *, model: str = "AX-12A", angle: float = 0.0) -> None:
@@ -45,6 +46,8 @@ class VirtualServo(Memory):
         self.damage = FINE
         self.faults = FINE
         self.held: tuple[int, bytes] | None = None
+        self.skew = 0.0
+        self.booted = 0.0
         self._motor = Motor(self, angle)
         self._readings = Readings(self.model)
         self._watches_bus = self.has("bus_watchdog")
@@ -244,7 +247,7 @@ class VirtualServo(Memory):
             arrived=motor.shaft.position == motor.shaft.goal,
             voltage=self.voltage,
             temperature=self.temperature,
-            now=self._now,
+            now=self._now - self.booted,
         )
 
 

@@ -345,7 +345,7 @@ def test_a_servo_that_was_left_in_torque_mode_goes_to_positions_again_and_does_n
     changed = next(at for at, frame in enumerate(writes) if wrote(frame, "torque_mode", "MX-64"))
     assert any(wrote(frame, "goal_position", "MX-64") for frame in writes[:changed]) is stiff
     arm.run(1.0)
-    assert servo.angle == pytest.approx(0.4, abs=0.01)
+    assert servo.angle == pytest.approx(0.4, abs=0.06)  # it goes on while it is identified
     arm.joints.move({"a": -0.2})
     arm.run(1.0)
     assert servo.angle == pytest.approx(-0.2, abs=0.01)
