@@ -54,7 +54,7 @@ def test_the_limits_are_those_that_the_hand_has_found_less_a_margin(
     before = robot.path.read_text()
     robot.elbow.set("torque_enable", 1)
     by_hand(monkeypatch, robot.clock, turned(robot.elbow, -60.0, 50.0, 0.0))
-    outcome = mission("servo calibrate --robot three.yaml elbow waist --seconds 0.3")
+    outcome = mission("servo calibrate --robot three.yaml elbow waist --seconds 0.3 --yes")
     assert outcome.code == 0, outcome.err
     # Zero is at 10 deg of the servo, and the joint is reversed: -60..50 deg is -40..70 deg; 2 deg less at either end.
     assert limits(robot.path, "elbow") == pytest.approx((-38.0, 68.0), abs=2 * TICK)

@@ -119,7 +119,7 @@ def test_a_joint_that_does_not_follow_fails_the_play_and_its_error_is_told(robot
 
 
 @pytest.mark.parametrize(
-    "words", ["play nod.yaml --speed 0.1", "record shown --seconds 60", "move elbow 50 deg --speed 5deg/s"]
+    "words", ["play nod.yaml --speed 0.1", "record shown --seconds 60 --yes", "move elbow 50 deg --speed 5deg/s"]
 )
 @pytest.mark.real_time
 def test_ctrl_c_leaves_the_arm_at_rest_and_the_port_free(robot: Three, words: str) -> None:
@@ -158,7 +158,7 @@ def test_what_a_hand_shows_is_written_and_can_be_played(
 ) -> None:
     robot.elbow.set("torque_enable", 1)
     by_hand(monkeypatch, robot.clock, moving(robot))
-    outcome = mission("servo record lift --robot three.yaml --joint elbow --seconds 4")
+    outcome = mission("servo record lift --robot three.yaml --joint elbow --seconds 4 --yes")
     assert outcome.code == 0, outcome.err
     gesture = load_gesture(Path("lift.yaml"))
     assert (gesture.name, gesture.interpolation) == ("lift", "cubic")

@@ -210,7 +210,7 @@ def test_torque_goes_on_where_the_joints_stand_and_stays_as_it_was_left(servo: S
     assert robot.elbow.angle == pytest.approx(radians(30), abs=0.01)
     assert servo("set", "ax", "led", "1").code == 0
     assert [each.get("led") for each in robot.bus.servos] == [1, 1, 0]
-    outcome = servo("torque", "off")
+    outcome = servo("torque", "off", "--yes")
     assert outcome.out.splitlines() == [f"{name} is limp" for name in ("waist (servo 1)", "elbow (servo 2)",
                                                                        "wrist (servo 3)")]  # fmt: skip
     assert all(each.limp for each in robot.bus.servos)
@@ -218,7 +218,7 @@ def test_torque_goes_on_where_the_joints_stand_and_stays_as_it_was_left(servo: S
 
 def test_torque_tells_of_each_joint_that_did_not_confirm(servo: Servo, robot: Three) -> None:
     robot.elbow.present = False
-    outcome = servo("torque", "off")
+    outcome = servo("torque", "off", "--yes")
     assert outcome.code == 1
     assert "elbow (servo 2): " in outcome.err
     assert "wrist (servo 3) is limp" in outcome.out

@@ -16,14 +16,15 @@ from config.world import load_world
 from drivers.api import DeviceStatus, Joints, ignore
 from drivers.clock import Clock, SystemClock
 from drivers.dynamixel import wire
-from drivers.dynamixel.bus import At, Bus
+from drivers.dynamixel.bus import At, Bus, Identity
 from drivers.dynamixel.declared import DynamixelKeys
+from drivers.dynamixel.identification import LOOKS, pings_alone, require_sole
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.make import VIRTUAL_REPLY_TIMEOUT
 from drivers.dynamixel.make import joints as specs
 from drivers.dynamixel.models import MODELS, Model, model_of
-from drivers.dynamixel.units import Framing
-from drivers.errors import DeviceFault, NoReply, NotConnected
+from drivers.dynamixel.units import Framing, called
+from drivers.errors import DeviceFault, DriverError, NoReply, NotConnected
 from drivers.virtual.patient_clock import PatientClock
 from missions.assembly.assemble import assemble
 from missions.assembly.assembled import CONNECT_TIME, REMARK_TIME
@@ -51,7 +52,7 @@ _ID = re.compile("[0-9]{1,3}")
 class Bench:
     """A bus that is open, and the joints and groups that the robot file has on it; none where there is no file.
 
-    ``options`` name it for the next command, each with a space before it.
+    ``options`` name it for the next command, each with a space before it; ``simulated`` says that no arm can fall.
     """
 
     bus: Bus
@@ -59,6 +60,7 @@ class Bench:
     groups: Mapping[str, tuple[str, ...]]
     clock: Clock
     options: str
+    simulated: bool = False
 
     def joint(self, name: str) -> Joint:
         """Return a joint by name. Raises click.UsageError with what may be meant."""
@@ -92,25 +94,50 @@ class Bench:
         return self.identify(int(who) if _ID.fullmatch(who) else self.joint(who).spec.id)
 
     def identify(self, servo: int) -> tuple[At, Model]:
-        """Return how to reach a servo by its ID, and its model. Raises as ``servos``."""
-        names = [joint for joint in self.joints.values() if joint.spec.id == servo]
-        protocols = [joint.model.protocol for joint in names]
-        for protocol in dict.fromkeys((*protocols, 1, 2)):
+        """Return how to reach a servo by its ID, and its model. Raises as ``servos``.
+
+        An ID that servos of both protocols have is refused, unless a joint of the robot file has it.
+        """
+        own = dict.fromkeys(joint.model.protocol for joint in self.joints.values() if joint.spec.id == servo)
+        found: list[Identity] = []
+        trouble: DriverError | None = None
+        for protocol in own or (1, 2):
             if protocol == 2 and servo == wire.LAST_ID:
                 continue  # there no servo can have it
+            damaged = self.bus.tally(servo).corrupt
             try:
-                told = self.bus.identify(At(servo, protocol), tries=2)
-            except NoReply:
-                continue
-            model = model_of(told.number)
-            if model is None:
+                found.append(self.bus.identify(At(servo, protocol), tries=2))
+            except NoReply as error:
+                if self.bus.tally(servo).corrupt > damaged:
+                    trouble = error
+                elif self.bus.answers_ping(At(servo, protocol), tries=1):
+                    trouble = pings_alone(At(servo, protocol), self.options)
+        if len(found) == 1 and trouble is None:
+            told = found[0]
+            if (model := model_of(told.number)) is None:
                 hint = f"mission servo scan{self.options}"
                 raise DeviceFault(f"servo {servo}: model number {told.number} is not known here", hint=hint)
             return told.at, model
+        if trouble is not None:
+            raise trouble
+        if found:
+            numbers = " and ".join(f"model {told.number} ({called(told.at.protocol)})" for told in found)
+            raise DeviceFault(f"two servos have ID {servo}: {numbers}", hint="unplug one of them, then try again")
         raise NoReply(
             f"servo {servo} does not answer on {self.bus.port} at {self.bus.baud} baud, in any protocol",
             hint=f"mission servo scan --all-bauds{self.options}  (and look at power and cable)",
         )
+
+    def require_sole(self, joint: Joint, *, looks: int = LOOKS) -> None:
+        """Raise DeviceFault unless one servo alone, of the file's model, has the joint's ID; NoReply, NotConnected."""
+        try:
+            require_sole(self.bus, joint.at, joint.model.number, looks=looks)
+        except DeviceFault as error:
+            raise DeviceFault(f"{joint.title}: {error}", hint=error.hint) from error
+        except NoReply as error:
+            if self.bus.answers_ping(joint.at, tries=1):
+                raise pings_alone(joint.at, self.options) from error
+            raise
 
 
 @contextmanager
@@ -145,7 +172,7 @@ def opened_bus(
         closings.enter_context(closing(bus))
         bus.open()
         target.tell_if_simulated()
-        yield Bench(bus, joints, groups, clock, target.options)
+        yield Bench(bus, joints, groups, clock, target.options, target.virtual)
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,6 +183,15 @@ class Arm:
     reach: JointRanges
     config: DynamixelKeys
     clock: Clock
+    simulated: bool = False
+
+    def confirm_limp(self, names: Collection[str], *, yes: bool) -> None:
+        """Wait until somebody holds the arm whose joints are to go limp; see ``confirm_limp``."""
+        from missions.cli.servo.until import confirm_limp  # noqa: PLC0415 - that module waits as this one does
+
+        states = self.joints.states()
+        limp = [name for name in names if (it := states[name].value) is not None and not it.torque]
+        confirm_limp(names, stiff=len(limp) < len(names), simulated=self.simulated, yes=yes)
 
 
 @contextmanager
@@ -190,7 +226,7 @@ def opened_arms(*targets: Target) -> Iterator[list[Arm]]:
         for each in seen:
             _wait_for(each.arm, clock)
         targets[-1].tell_if_simulated()
-        yield [Arm(each.arm, each.reach, arm, clock) for each, arm in zip(seen, arms, strict=True)]
+        yield [Arm(each.arm, each.reach, arm, clock, virtual) for each, arm in zip(seen, arms, strict=True)]
 
 
 def _wait_for(joints: Joints, clock: Clock) -> None:

@@ -1,6 +1,6 @@
 """``mission servo calibrate``: how far each joint goes, found out by hand, and written into the robot file."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees, radians
 
@@ -10,14 +10,15 @@ from config.editing import NotEditableError
 from config.library import find
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
-from drivers.errors import BadRequest, DeviceFault, NoReply
+from drivers.errors import BadRequest, NoReply
 from drivers.feetech.declared import FeetechKeys
 from missions.cli.numbers import Real
+from missions.cli.outputs import check_writable
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.servo.bench import Bench, opened_bus
 from missions.cli.servo.ranges import Range, check_keepable, keep_ranges
 from missions.cli.servo.target import Target, target_options
-from missions.cli.servo.until import patience, require_terminal, show
+from missions.cli.servo.until import confirm_limp, hold_option, patience, require_terminal, show
 from missions.views.columns import in_columns
 
 LEAST = radians(5)
@@ -56,12 +57,15 @@ class Turned:
 @click.option("--margin", type=Real(0.0, 20.0), default=2.0, show_default=True, metavar="DEG",
               help="How far before the ends that are touched the limits lie.")  # fmt: skip
 @click.option("--seconds", type=Real(min=0.1), metavar="N", help="Watch for so long; else until Enter.")
-def calibrate(target: Target, joints: tuple[str, ...], zero: bool, margin: float, seconds: float | None) -> int:
+@hold_option
+def calibrate(
+    target: Target, joints: tuple[str, ...], zero: bool, margin: float, seconds: float | None, yes: bool
+) -> int:
     """Find the limits of joints by hand.
 
-    Makes joints limp (all, if none is named), watches how far they are turned, and writes that into the robot file.
-    A limp arm falls: hold it. The robot file of before is kept beside it, as FILE.bak. Ctrl-C writes nothing; the
-    joints stay limp either way.
+    Waits until you hold the arm and press Enter, then makes joints limp (all, if none is named), watches how far they
+    are turned, and writes that into the robot file. The robot file of before is kept beside it, as FILE.bak. Ctrl-C
+    writes nothing; the joints stay limp either way. Without a terminal stiff joints go limp with --yes alone.
     """
     if target.robot is None:
         raise click.UsageError("which robot file is to be written? name it with --robot FILE")
@@ -72,23 +76,31 @@ def calibrate(target: Target, joints: tuple[str, ...], zero: bool, margin: float
     require_terminal(seconds)
     try:
         check_keepable(path)
+        check_writable(path, "--robot")
         with opened_bus(target) as bench:
-            found = _watch(bench, bench.chosen(joints), zero=zero, seconds=seconds)
+            found = _watch(bench, bench.chosen(joints), zero=zero, seconds=seconds, yes=yes)
         ranges = {each.joint.name: each.within(radians(margin)) for each in found}
         click.echo(_table(found, ranges))
         kept = {name: each for name, each in ranges.items() if each is not None}
         if not kept:
             click.echo("no joint was turned: nothing is written", err=True)
             return FAILURE
-        before = keep_ranges(path, kept, target.arm)
+        try:
+            before = keep_ranges(path, kept, target.arm)
+        except (NotEditableError, OSError):
+            click.echo("the limits in steps, which could not be written:", err=True)
+            for name, each in kept.items():
+                click.echo(f"  {name}: {each.lowest} to {each.highest}", err=True)
+            raise
     except NotEditableError as error:
         raise click.UsageError(str(error)) from error
     click.echo(f"written into {path}; what it was is in {before}")
     return SUCCESS
 
 
-def _watch(bench: Bench, joints: Iterable[Joint], *, zero: bool, seconds: float | None) -> list[Turned]:
+def _watch(bench: Bench, joints: Sequence[Joint], *, zero: bool, seconds: float | None, yes: bool) -> list[Turned]:
     """Make the joints limp, and watch them until it is over."""
+    limp(bench, joints, yes=yes)
     found = [_begin(bench, joint, zero=zero) for joint in joints]
     names = ", ".join(each.joint.name for each in found)
     click.echo(f"limp: {names}\nturn each to both its ends by hand; Enter ends it, Ctrl-C writes nothing", err=True)
@@ -100,18 +112,24 @@ def _watch(bench: Bench, joints: Iterable[Joint], *, zero: bool, seconds: float 
     return found
 
 
-def limp(bench: Bench, joint: Joint) -> None:
-    """Make a joint limp; raise with its name if that cannot be."""
-    bus, number = bench.bus, bench.bus.ping(joint.at)
-    if number != joint.model.number:
-        hint = f"mission servo info {joint.spec.id}{bench.options}"
-        raise DeviceFault(f"{joint.title} is model {number}, not {joint.model.number} ({joint.model.name})", hint=hint)
-    bus.write(joint.at, joint.model.table["torque_enable"], 0)
+def limp(bench: Bench, joints: Iterable[Joint], *, yes: bool) -> None:
+    """Switch the torque of joints off, once each servo was identified and somebody holds the arm.
+
+    No torque is switched off where one servo is not what it should be. Raises DeviceFault, NoReply, NotConnected,
+    BadRequest; else as ``confirm_limp``.
+    """
+    joints = tuple(joints)
+    for joint in joints:
+        bench.require_sole(joint)
+    stiff = any(bench.bus.read(joint.at, joint.model.table["torque_enable"]) for joint in joints)
+    confirm_limp([joint.name for joint in joints], stiff=stiff, simulated=bench.simulated, yes=yes)
+    for joint in joints:
+        bench.require_sole(joint, looks=2)  # a person may have replugged something meanwhile
+        bench.bus.write(joint.at, joint.model.table["torque_enable"], 0)
 
 
 def _begin(bench: Bench, joint: Joint, *, zero: bool) -> Turned:
-    """Make a joint limp, and see where it stands."""
-    limp(bench, joint)
+    """See where a joint stands that is limp."""
     ticks = bench.bus.read(joint.at, joint.model.table["present_position"])
     return Turned(joint, ticks, ticks, ticks if zero else None)
 

@@ -1,7 +1,7 @@
 """``mission servo set``, ``set-id`` and ``set-baud``: registers of servos, compared first, written, verified."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import click
 
@@ -14,8 +14,11 @@ from missions.cli.root import SUCCESS
 from missions.cli.servo.bench import Bench, opened_bus
 from missions.cli.servo.info import meaning
 from missions.cli.servo.target import Target, target_options
+from missions.cli.servo.until import confirm_limp
 
-yes_option = click.option("--yes", is_flag=True, help="Do not ask before the EEPROM is written.")
+yes_option = click.option(
+    "--yes", is_flag=True, help="Do not ask before the EEPROM is written, or torque goes off: somebody holds the arm."
+)
 
 
 @click.command(
@@ -69,7 +72,7 @@ def set_baud(target: Target, servo: str, rate: int, yes: bool) -> int:
 
 
 def _set(bench: Bench, wanted: Mapping[At, tuple[Model, Mapping[str, int]]], *, yes: bool) -> int:
-    """Say what is to be changed, ask before the EEPROM is written, change it, and say so."""
+    """Say what is to be changed, ask before the EEPROM is written or torque goes off, change it, and say so."""
     plans = {at: planned(bench.bus, at, model.table, values) for at, (model, values) in wanted.items()}
     for at, changes in plans.items():
         model, values = wanted[at]
@@ -77,10 +80,7 @@ def _set(bench: Bench, wanted: Mapping[At, tuple[Model, Mapping[str, int]]], *, 
             click.echo(f"servo {at.id} ({model.name}): {_told(model, change)}")
         if not changes:
             click.echo(f"servo {at.id} ({model.name}): {', '.join(values)} is so already")
-    if any(change.register.eeprom for changes in plans.values() for change in changes) and not yes:
-        if not sys.stdin.isatty():
-            raise click.UsageError("this writes the EEPROM: add --yes, or confirm it at a terminal")
-        click.confirm("write this into the EEPROM?", abort=True, err=True)
+    _confirm(bench, plans, {at: model for at, (model, _) in wanted.items()}, yes=yes)
     for at, changes in plans.items():
         stiff = apply(bench.bus, at, wanted[at][0].table, changes)
         if stiff:
@@ -88,6 +88,27 @@ def _set(bench: Bench, wanted: Mapping[At, tuple[Model, Mapping[str, int]]], *, 
         if changes:
             click.echo(f"servo {at.id}: written and verified")
     return SUCCESS
+
+
+def _confirm(bench: Bench, plans: Mapping[At, Sequence[Change]], models: Mapping[At, Model], *, yes: bool) -> None:
+    """Ask before the EEPROM is written, which takes the torque away, or torque goes off by itself."""
+    lasting = [at for at, changes in plans.items() if any(change.register.eeprom for change in changes)]
+    relaxed = [at for at, changes in plans.items() if any(_relaxes(change) for change in changes)]
+    limp = [at for at in {*lasting, *relaxed} if bench.bus.read(at, models[at].table["torque_enable"])]
+    if lasting and not yes:
+        if not sys.stdin.isatty():
+            raise click.UsageError("this writes the EEPROM: add --yes, or confirm it at a terminal")
+        moved = [at for at in lasting if any(change.register.name == "id" for change in plans[at])]
+        if moved and not bench.simulated:
+            click.echo(
+                f"only one servo with ID {moved[0].id} may be plugged in: a second one would change too", err=True
+            )
+        click.confirm("write this into the EEPROM?", abort=True, err=True)
+    confirm_limp([f"servo {at.id}" for at in sorted(limp)], stiff=True, simulated=bench.simulated, yes=yes)
+
+
+def _relaxes(change: Change) -> bool:
+    return change.register.name == "torque_enable" and not change.after
 
 
 def _told(model: Model, change: Change) -> str:

@@ -10,15 +10,17 @@ from behaviours.joints import MoveJoints
 from config.robot import RobotConfig
 from config.units import in_dimension
 from drivers.api import JointLimits
+from drivers.dynamixel.identification import require_sole
 from drivers.dynamixel.joining import difference, restore
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.telling import REMEDY
 from drivers.dynamixel.units import called
-from drivers.errors import BadRequest, DeviceFault, DriverError, NotConnected
+from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply, NotConnected
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.servo.bench import Arm, Bench, opened_arm, opened_bus, pause
 from missions.cli.servo.running import run_leaf
 from missions.cli.servo.target import Target, target_options
+from missions.cli.servo.until import confirm_limp, hold_option
 from missions.library.target import target_of
 
 RECOVERY = 3.0
@@ -35,16 +37,24 @@ BOOT = 1.0
 @target_options
 @click.argument("state", type=click.Choice(["on", "off"]))
 @click.argument("joints", nargs=-1, metavar="[JOINT|GROUP]...")
-def torque(target: Target, state: str, joints: tuple[str, ...]) -> int:
+@hold_option
+def torque(target: Target, state: str, joints: tuple[str, ...], yes: bool) -> int:
     """Make joints stiff, or limp.
 
     All, if none is named; stiff where they stand, with the torque limit of the robot file. They stay so afterwards. A
-    limp arm falls: hold it. Exit code 1 where a servo did not confirm it, or has shut down.
+    limp arm falls: `off` waits until you hold it and press Enter; without a terminal it needs --yes. Exit code 1 where
+    a servo did not confirm it, has shut down, or is not what the robot file says.
     """
     failed = 0
     with opened_bus(target) as bench:
-        for joint in bench.chosen(joints):
+        chosen = bench.chosen(joints)
+        if state == "off":
+            names = [joint.name for joint in chosen]
+            confirm_limp(names, stiff=any(_may_be_stiff(bench, each) for each in chosen),
+                         simulated=bench.simulated, yes=yes)  # fmt: skip
+        for joint in chosen:
             try:
+                bench.require_sole(joint)
                 if state == "on":
                     _stiffen(bench, joint)
                 else:
@@ -57,6 +67,14 @@ def torque(target: Target, state: str, joints: tuple[str, ...]) -> int:
             else:
                 click.echo(f"{joint.title} is {'stiff' if state == 'on' else 'limp'}")
     return FAILURE if failed else SUCCESS
+
+
+def _may_be_stiff(bench: Bench, joint: Joint) -> bool:
+    """Whether a joint has torque, or does not say so. Raises NotConnected."""
+    try:
+        return bool(bench.bus.read(joint.at, joint.model.table["torque_enable"]))
+    except (NoReply, BadRequest):
+        return True
 
 
 def _stiffen(bench: Bench, joint: Joint) -> None:
@@ -122,10 +140,12 @@ def _move(
 @click.command(epilog="Example: mission servo reboot 3 --port /dev/ttyUSB0")
 @target_options
 @click.argument("servo", metavar="ID|JOINT")
-def reboot(target: Target, servo: str) -> int:
+@hold_option
+def reboot(target: Target, servo: str, yes: bool) -> int:
     """Restart a servo of protocol 2.0.
 
-    It is limp then. That is also the way out of an overload there.
+    It is limp then: waits until you hold the arm and press Enter; without a terminal a stiff servo needs --yes. That
+    is also the way out of an overload there.
     """
     with opened_bus(target) as bench:
         at, model = bench.servo(servo)
@@ -134,6 +154,9 @@ def reboot(target: Target, servo: str) -> int:
                 f"servo {at.id} is an {model.name}: {called(at.protocol)} has no restart",
                 hint="mission servo recover --robot FILE, after an overload; else switch its power off and on",
             )
+        require_sole(bench.bus, at, model.number)
+        stiff = bool(bench.bus.read(at, model.table["torque_enable"]))
+        confirm_limp([f"servo {at.id}"], stiff=stiff, simulated=bench.simulated, yes=yes)
         bench.bus.reboot(at)
         pause(BOOT)
         bench.bus.ping(at)

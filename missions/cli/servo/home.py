@@ -1,7 +1,8 @@
 """``mission servo home``: the calibration of Feetech servos as users of LeRobot know it, and its file."""
 
+import shlex
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees, radians
 from pathlib import Path
@@ -10,18 +11,20 @@ import click
 
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
-from drivers.dynamixel.settings import apply, planned
-from drivers.errors import BadRequest, NoReply
+from drivers.dynamixel.settings import Change, apply, planned
+from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply
 from drivers.feetech.calibration import HALF_TURN, LAST, MotorCalibration, load, text
 from drivers.feetech.declared import FeetechKeys
 from missions.cli.numbers import Real
+from missions.cli.outputs import check_writable, save
 from missions.cli.root import FAILURE, SUCCESS
+from missions.cli.servo import origin
 from missions.cli.servo.bench import Bench, opened_bus
 from missions.cli.servo.calibrate import LEAST, limp
-from missions.cli.servo.change import yes_option
+from missions.cli.servo.origin import origin_file
 from missions.cli.servo.ranges import free
 from missions.cli.servo.target import Target, target_options
-from missions.cli.servo.until import patience, require_terminal, show
+from missions.cli.servo.until import confirm_limp, patience, require_terminal, show
 from missions.views.columns import in_columns
 
 TURN = LAST + 1
@@ -72,20 +75,23 @@ def offset_for(shown: int, before: int) -> int:
 @click.argument("joints", nargs=-1, metavar="[JOINT|GROUP]...")
 @click.option("--into", metavar="FILE", help="The calibration file, where the robot file names none.")
 @click.option("--restore", is_flag=True, help="Set the servos to what the calibration file says; nothing is turned.")
+@click.option("--other-servos", is_flag=True, help="With --restore: also into servos that seem to be others than those "
+              "that were calibrated.")  # fmt: skip
 @click.option("--margin", type=Real(0.0, 20.0), default=2.0, show_default=True, metavar="DEG",
               help="How far before the ends that are touched the limits lie.")  # fmt: skip
 @click.option("--seconds", type=Real(min=0.1), metavar="N",
               help="Take where the arm stands for its middle, and watch for so long; else until Enter.")  # fmt: skip
-@yes_option
+@click.option("--yes", is_flag=True, help="Ask nothing: somebody holds the arm, and the EEPROM may be written.")
 def home(
-    target: Target, joints: tuple[str, ...], into: str | None, restore: bool, margin: float, seconds: float | None,
-    yes: bool,
+    target: Target, joints: tuple[str, ...], into: str | None, restore: bool, other_servos: bool, margin: float,
+    seconds: float | None, yes: bool,
 ) -> int:  # fmt: skip
     """Calibrate Feetech servos, as lerobot-calibrate does.
 
-    Makes the joints limp (all, if none is named): hold the arm. Bring each to the middle of its range, then turn each
-    to both its ends. The position offset and the limits go into the servos (EEPROM), after a question, and with the
-    ranges into a calibration file that LeRobot reads too. Ctrl-C writes nothing; the joints stay limp either way.
+    Waits until you hold the arm and press Enter, then makes the joints limp (all, if none is named). Bring each to the
+    middle of its range, then turn each to both its ends. The ranges go into a calibration file that LeRobot reads too;
+    then, after a question, offset and limits go into the servos (EEPROM). Ctrl-C writes nothing; the joints stay limp
+    either way. --restore refuses servos that are not those of the file.
     """
     arm = target.keys
     if not isinstance(arm, FeetechKeys):
@@ -95,41 +101,90 @@ def home(
         raise click.UsageError("where is the calibration to be kept? --into so101.json")
     if not yes and not sys.stdin.isatty():
         raise click.UsageError("this writes the EEPROM: add --yes, or confirm it at a terminal")
+    file = Path(path).expanduser()
     if restore:
         with opened_bus(target) as bench:
-            return _written(bench, {joint: load(path)[joint.name] for joint in bench.chosen(joints)}, yes=yes)
+            return _restored(bench, file, bench.chosen(joints), yes=yes, other_servos=other_servos)
     require_terminal(seconds)
-    file = Path(path).expanduser()
+    for each in (file, origin_file(file)):
+        check_writable(each, "--into")
     kept = dict(load(path)) if file.exists() else {}
     with opened_bus(target) as bench:
-        chosen = bench.chosen(joints)
-        found = _turned(bench, chosen, seconds)
+        found = _turned(bench, bench.chosen(joints), seconds, yes=yes)
         click.echo(_table(found, radians(margin)))
         if any(each.trouble(_steps(each, margin)) for each in found):
             click.echo("nothing is written", err=True)
             return FAILURE
         modes = {name: int(joint.reverse) for name, joint in arm.servos.items()}
         new = {each.joint: each.found(_steps(each, margin), modes[each.joint.name]) for each in found}
-        _written(bench, new, yes=yes)
-    if kept:
-        free(file).write_bytes(file.read_bytes())
-    file.write_text(text(kept | {joint.name: each for joint, each in new.items()}), encoding="utf-8")
-    click.echo(
-        f"written into {path}"
-        + ("" if arm.calibration else f"; the robot file is to say calibration: {file.absolute()}")
-    )
+        plans = _planned(bench, new)
+        _confirm_eeprom(plans, yes=yes)
+        if not _saved(bench, file, kept, new):
+            click.echo("the servos are left as they were; --restore --into FILE writes a saved calibration", err=True)
+            return FAILURE
+        _applied(bench, plans, file)
+    if not arm.calibration:
+        click.echo(f"the robot file is to say calibration: {file.absolute()}")
     return SUCCESS
+
+
+def _restored(bench: Bench, file: Path, joints: Sequence[Joint], *, yes: bool, other_servos: bool) -> int:
+    """Set the servos of joints to what a calibration file says, if they are those that it came from."""
+    known = load(str(file))
+    for joint in joints:
+        if joint.name not in known:
+            raise BadRequest(
+                f"calibration {file} has no motor '{joint.name}'; it has {', '.join(known)}",
+                hint="name the joints in the robot file as the motors are named, or name other joints here",
+            )
+        if (number := known[joint.name].id) != joint.spec.id:
+            raise BadRequest(f"calibration {file}: motor '{joint.name}' has ID {number}, the joint {joint.spec.id}")
+    for joint in joints:
+        bench.require_sole(joint)
+    wanted = {joint: known[joint.name] for joint in joints}
+    before, now = origin.load(file), origin.settings_of(bench.bus, joints)
+    if not other_servos:
+        origin.require_same_models(before, now)
+        _settle_doubts(origin.doubts(bench.bus, wanted, before, now), yes=yes)
+    plans = _planned(bench, wanted)
+    stiff = any(bench.bus.read(joint.at, joint.model.table["torque_enable"]) for joint in plans)
+    confirm_limp([joint.name for joint in plans], stiff=stiff, simulated=bench.simulated, yes=yes)
+    _confirm_eeprom(plans, yes=yes)
+    _applied(bench, plans, file)
+    return SUCCESS
+
+
+def _settle_doubts(found: Sequence[str], *, yes: bool) -> None:
+    """Show what speaks against a restore, and ask. Raises DeviceFault with --yes, for then nobody is asked."""
+    if not found:
+        return
+    if yes:
+        hint = "calibrate anew (mission servo home), or add --other-servos if it is right"
+        raise DeviceFault(f"are these the servos of the calibration? {'; '.join(found)}", hint=hint)
+    click.echo("are these the servos of the calibration?\n" + "\n".join(f"  {each}" for each in found), err=True)
+    click.confirm("restore it all the same?", abort=True, err=True)
+
+
+def _saved(
+    bench: Bench, file: Path, kept: Mapping[str, MotorCalibration], new: Mapping[Joint, MotorCalibration]
+) -> bool:
+    """Keep what was measured, before any servo is changed, and which servos it is of."""
+    if kept:
+        save(free(file), text(kept))
+    if not save(file, text({**kept, **{joint.name: each for joint, each in new.items()}})):
+        return False
+    click.echo(f"written into {file}")
+    settings = {**origin.load(file), **origin.settings_of(bench.bus, new)}
+    return save(origin_file(file), origin.text(settings))
 
 
 def _steps(homed: Homed, margin: float) -> int:
     return round(radians(margin) / homed.joint.model.tick)
 
 
-def _turned(bench: Bench, joints: Iterable[Joint], seconds: float | None) -> list[Homed]:
+def _turned(bench: Bench, joints: Sequence[Joint], seconds: float | None, *, yes: bool) -> list[Homed]:
     """Make the joints limp, take their middle, and watch how far they are turned."""
-    joints = list(joints)
-    for joint in joints:
-        limp(bench, joint)
+    limp(bench, joints, yes=yes)
     names = ", ".join(joint.name for joint in joints)
     if seconds is None:
         click.echo(f"limp: {names}\nbring each to the middle of its range; Enter goes on, Ctrl-C ends it", err=True)
@@ -170,8 +225,8 @@ def _table(found: Iterable[Homed], margin: float) -> str:
     return in_columns(("joint", "offset", "new", "from deg", "to deg", ""), rows, left=frozenset({"joint", ""}))
 
 
-def _written(bench: Bench, wanted: Mapping[Joint, MotorCalibration], *, yes: bool) -> int:
-    """Say what is to be changed in the EEPROM, ask, change it, and say so."""
+def _planned(bench: Bench, wanted: Mapping[Joint, MotorCalibration]) -> dict[Joint, list[Change]]:
+    """Return what is to be changed in the EEPROM of which servos, and say so."""
     plans = {}
     for joint, each in wanted.items():
         values = {"position_offset": each.homing_offset, "min_position": each.range_min, "max_position": each.range_max}
@@ -179,11 +234,26 @@ def _written(bench: Bench, wanted: Mapping[Joint, MotorCalibration], *, yes: boo
             plans[joint] = changes
             said = ", ".join(f"{change.register.name} {change.before} -> {change.after}" for change in changes)
             click.echo(f"{joint.title}: {said}")
-    if plans and not yes:
-        click.confirm("write this into the EEPROM?", abort=True, err=True)
-    for joint, changes in plans.items():
-        apply(bench.bus, joint.at, joint.model.table, changes)
-        click.echo(f"{joint.title}: written and verified")
     if not plans:
         click.echo("the servos are set so already")
-    return SUCCESS
+    return plans
+
+
+def _confirm_eeprom(plans: Collection[Joint], *, yes: bool) -> None:
+    """Ask before the EEPROM is written."""
+    if plans and not yes:
+        click.confirm("write this into the EEPROM?", abort=True, err=True)
+
+
+def _applied(bench: Bench, plans: Mapping[Joint, Sequence[Change]], file: Path) -> None:
+    """Change the EEPROM, and say so. Raises as ``apply``, and then says which servos are left as they were."""
+    left = list(plans)
+    try:
+        for joint, changes in plans.items():
+            apply(bench.bus, joint.at, joint.model.table, changes)
+            left.remove(joint)
+            click.echo(f"{joint.title}: written and verified")
+    except DriverError:
+        again = f"mission servo home --restore --into {shlex.quote(str(file))}{bench.options}"
+        click.echo(f"not written: {', '.join(joint.title for joint in left)}; later: {again}", err=True)
+        raise

@@ -15,7 +15,7 @@ from missions.cli.numbers import Real
 from missions.cli.root import SUCCESS
 from missions.cli.servo.bench import Arm, opened_arms
 from missions.cli.servo.target import ARM, Target, target_options
-from missions.cli.servo.until import patience, require_terminal, show
+from missions.cli.servo.until import hold_option, patience, require_terminal, show
 
 ROUND = 0.05
 """Seconds that a reading of the leader is waited for, at most."""
@@ -32,6 +32,7 @@ GLANCE = 0.1
 @click.option("--by-range", "ranged", multiple=True, default=["gripper"], show_default=True, metavar="JOINT",
               help="A joint that goes as far through its range as its leader, not to the same angle.")  # fmt: skip
 @click.option("--seconds", type=Real(min=0.1), metavar="N", help="Mirror for so long; else until Enter.")
+@hold_option
 def mirror(
     target: Target,
     leader: str,
@@ -39,13 +40,14 @@ def mirror(
     leader_port: str | None,
     ranged: tuple[str, ...],
     seconds: float | None,
+    yes: bool,
 ) -> int:
     """Let an arm copy another that is moved by hand.
 
     LEADER is a robot (a name or a file) with joints of the same names, on another port; it may be the same robot, where
-    that has two arms. It goes limp: hold it. The arm
-    of --robot comes over slowly to where the leader stands, then follows at once. In the end the leader stays limp, and
-    the follower comes to the rest that its file asks for.
+    that has two arms. It waits until you hold the leader and press Enter; then that goes limp. The arm of --robot comes
+    over slowly to where the leader stands, then follows at once. In the end the leader stays limp, and the follower
+    comes to the rest that its file asks for. Without a terminal a stiff leader goes limp with --yes alone.
     """
     require_terminal(seconds)
     target.require_joints()
@@ -53,8 +55,9 @@ def mirror(
     first.check()
     couplings = coupled(_limits(first), _limits(target), ranged)  # a wrong leader is told before anything is opened
     with opened_arms(first, target) as (leading, following):
-        click.echo(f"{leader} is limp, and leads: move it by hand; Enter ends it", err=True)
+        leading.confirm_limp(leading.joints.limits, yes=yes)
         leading.joints.relax()
+        click.echo(f"{leader} is limp, and leads: move it by hand; Enter ends it", err=True)
         _mirror(leading, following, couplings, seconds)
     return SUCCESS
 

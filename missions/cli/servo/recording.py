@@ -10,10 +10,11 @@ from drivers.api import Joints
 from drivers.clock import Clock
 from drivers.dynamixel.models import MODELS
 from missions.cli.numbers import Real
-from missions.cli.root import SUCCESS
+from missions.cli.outputs import check_writable, save
+from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.servo.bench import opened_arm
 from missions.cli.servo.target import Target, target_options
-from missions.cli.servo.until import patience, require_terminal, show
+from missions.cli.servo.until import hold_option, patience, require_terminal, show
 from missions.hands.moves.record import Recording
 
 
@@ -26,30 +27,34 @@ from missions.hands.moves.record import Recording
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Where it is "
               "written; NAME.yaml without it.")  # fmt: skip
 @click.option("--force", is_flag=True, help="Write over a file that is there.")
+@hold_option
 def record(
-    target: Target, name: str, names: tuple[str, ...], seconds: float | None, output: Path | None, force: bool
-) -> int:
+    target: Target, name: str, names: tuple[str, ...], seconds: float | None, output: Path | None, force: bool,
+    yes: bool,
+) -> int:  # fmt: skip
     """Record a movement by hand.
 
-    The arm goes limp, and how you move it is written as a gesture. Hold the arm before you begin: limp, it falls.
-    Enter ends the recording, Ctrl-C throws it away; either way the arm comes to its rest.
+    Waits until you hold the arm and press Enter; then the arm goes limp, and how you move it is written as a gesture.
+    Enter ends the recording, Ctrl-C throws it away; either way the arm comes to its rest. Without a terminal stiff
+    joints go limp with --yes alone.
     """
     require_terminal(seconds)
     path = Path(f"{name}.yaml") if output is None else output
     if output is None and name in shipped("gestures"):
         raise click.UsageError(f"'{name}' is a gesture that ships with MissionTree: choose another name")
-    if not path.parent.is_dir():
-        raise click.UsageError(f"{path.parent}: no such folder")
     if path.exists() and not force:
         raise click.UsageError(f"{path} is there already: --force writes over it, -o FILE writes another")
+    check_writable(path, "NAME" if output is None else "-o")
     with opened_arm(target) as arm:
         chosen = arm.reach.named(names)
         recording = Recording({joint: MODELS[arm.config.joints[joint].model].tick for joint in chosen})
+        arm.confirm_limp(chosen, yes=yes)
         arm.joints.relax(chosen)
         click.echo(f"limp: {', '.join(chosen)}\nmove them by hand; Enter ends it", err=True)
         _record(arm.joints, recording, arm.clock, seconds)
     gesture = recording.gesture(name, f"Recorded by hand, {recording.seconds:.1f} s.")
-    _write(path, gesture_text(gesture, str(path)))
+    if not save(path, gesture_text(gesture, str(path))):
+        return FAILURE
     click.echo(
         f"{path}: {gesture.keyframes[-1][0]:.1f} s of {', '.join(chosen)}, "
         f"{len(gesture.keyframes)} keyframes of {len(recording.snapshots)} readings"
@@ -65,10 +70,3 @@ def _record(joints: Joints, recording: Recording, clock: Clock, seconds: float |
         while not over():
             recording.add(joints.states(), clock.now())
             show(f"{recording.seconds:5.1f} s, {len(recording.snapshots)} readings")
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise click.UsageError(f"{path}: {error.strerror}") from error

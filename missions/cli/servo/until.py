@@ -1,7 +1,10 @@
-"""Waiting for a person at a terminal: until Enter is pressed, or for so many seconds where that was asked."""
+"""Waiting for a person at a terminal: until Enter is pressed, or for so many seconds where that was asked.
+
+Before torque goes off the person is asked to hold the arm: ``confirm_limp``.
+"""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 
 import click
@@ -16,6 +19,33 @@ def require_terminal(seconds: float | None) -> None:
     """Raise click.UsageError where nobody could press Enter, and no time was given."""
     if seconds is None and not sys.stdin.isatty():
         raise click.UsageError("the Enter key needs a terminal; say how long with --seconds N")
+
+
+hold_option = click.option(
+    "--yes", is_flag=True, help="Somebody holds the arm already: do not wait for Enter before the torque goes off."
+)
+"""Adds ``--yes`` to a command that switches torque off."""
+
+
+def confirm_limp(names: Collection[str], *, stiff: bool, simulated: bool, yes: bool) -> None:
+    """Say which joints go limp, and wait until the person at the terminal holds the arm and presses Enter.
+
+    ``stiff`` says whether any of them has torque, or may have. Without a terminal nobody can answer: then joints go
+    limp that are limp already, are ``simulated``, or with ``yes``. Raises click.UsageError otherwise, and click.Abort
+    where the input ends.
+    """
+    if yes or simulated or not names:
+        return
+    told = f"the torque of {', '.join(names)} goes off: hold the arm, it falls"
+    if not sys.stdin.isatty():
+        if stiff:
+            raise click.UsageError(f"{told}; at a terminal Enter confirms that, without one --yes")
+        return
+    click.echo(f"{told}\nEnter when you hold it; Ctrl-C changes nothing", err=True)
+    with Keys(sys.stdin.fileno()) as keys:
+        while (key := keys.read(PAUSE)) != "enter":
+            if key == "end":
+                raise click.Abort
 
 
 @contextmanager

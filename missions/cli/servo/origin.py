@@ -1,0 +1,106 @@
+"""Which servos a calibration was measured on: kept beside its file, and compared before it is restored.
+
+No servo has a serial number that its bus tells. So model, firmware and all settings are kept that a calibration does
+not change, and the place where the servo stands has to lie within the range that is restored.
+"""
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from drivers.dynamixel.bus import Bus
+from drivers.dynamixel.joint import Joint
+from drivers.errors import DeviceFault
+from drivers.feetech.calibration import LAST, MotorCalibration
+
+CALIBRATED = ("position_offset", "min_position", "max_position")
+"""The registers that a calibration changes."""
+
+NOT_COMPARED = (*CALIBRATED, "baud")
+"""The registers that do not tell one servo from another; the wrong rate would have been silence."""
+
+PLACE_SLACK = 60
+"""Steps (5 degrees) by which a joint may stand beyond the ends that were touched."""
+
+LARGEST = 1_000_000
+"""Bytes that the file may have."""
+
+Settings = Mapping[str, Mapping[str, int]]
+"""The settings of each servo, by joint and register."""
+
+
+def origin_file(path: Path) -> Path:
+    """Return the file beside a calibration file that says which servos it is of."""
+    return path.with_name(f"{path.stem}.servos.json")
+
+
+def settings_of(bus: Bus, joints: Iterable[Joint]) -> dict[str, dict[str, int]]:
+    """Read what tells the servos of joints from others. Raises NoReply, NotConnected, BadRequest."""
+    found = {}
+    for joint in joints:
+        registers = [each for each in joint.model.table.registers.values() if each.eeprom]
+        data = bus.read_block(joint.at, 0, max(each.end for each in registers))
+        found[joint.name] = {each.name: each.decode(data) for each in registers if each.name not in NOT_COMPARED}
+    return found
+
+
+def text(settings: Settings) -> str:
+    """Return the file."""
+    return json.dumps(settings, indent=2) + "\n"
+
+
+def load(path: Path) -> Settings:
+    """Read the file; nothing where there is none, or none of ours: LeRobot's calibrations have none."""
+    file = origin_file(path)
+    try:
+        if not file.is_file() or file.stat().st_size > LARGEST:
+            return {}
+        told: Any = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    if not isinstance(told, dict):
+        return {}
+    return {
+        str(name): {str(word): value for word, value in each.items() if isinstance(value, int)}
+        for name, each in told.items()
+        if isinstance(each, dict)
+    }
+
+
+def require_same_models(before: Settings, now: Settings) -> None:
+    """Raise DeviceFault where a servo is of another model, or has another firmware, than the calibration's."""
+    wrong = [
+        f"{name}: {word.replace('_', ' ')} {now[name][word]}, the calibration is of {value}"
+        for name, settings in before.items()
+        for word, value in settings.items()
+        if name in now and word in ("model_number", "firmware") and now[name].get(word) != value
+    ]
+    if wrong:
+        raise DeviceFault(
+            f"these are not the servos that the calibration came from: {'; '.join(wrong)}",
+            hint="calibrate anew: mission servo home --into FILE --robot FILE",
+        )
+
+
+def doubts(bus: Bus, wanted: Mapping[Joint, MotorCalibration], before: Settings, now: Settings) -> list[str]:
+    """Return what speaks against these being the servos of the calibration, a line for each joint that is concerned.
+
+    Raises NoReply, NotConnected, BadRequest.
+    """
+    found = []
+    for joint, each in wanted.items():
+        unlike = [
+            f"{word} {now[joint.name].get(word)}, was {value}"
+            for word, value in before.get(joint.name, {}).items()
+            if now[joint.name].get(word) != value
+        ]
+        if unlike:
+            found.append(f"{joint.title}: other settings than when it was calibrated ({', '.join(unlike)})")
+        table = joint.model.table
+        shown, offset = bus.read(joint.at, table["present_position"]), bus.read(joint.at, table["position_offset"])
+        place = (shown + offset - each.homing_offset) % (LAST + 1)
+        if not each.range_min - PLACE_SLACK <= place <= each.range_max + PLACE_SLACK:
+            ends = f"{each.range_min}..{each.range_max}"
+            found.append(f"{joint.title}: by this calibration it stands at step {place}, beyond its range {ends}")
+    return found

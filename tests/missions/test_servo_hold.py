@@ -1,0 +1,287 @@
+"""Torque goes off when somebody holds the arm: after Enter at a terminal, after --yes without one."""
+
+import io
+import os
+import sys
+from collections.abc import Callable, Iterator
+from math import radians, sin
+from pathlib import Path
+from typing import Self
+
+import pytest
+
+from drivers.dynamixel.models import MODELS
+from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.virtual.patient_clock import PatientClock
+from drivers.virtual.servo import VirtualServo
+from drivers.virtual.terminal import Terminal
+from missions.cli.servo import origin
+from missions.cli.servo.home import Homed
+from tests.missions.command import Outcome, command
+from tests.missions.servo_bench import Three, by_hand, patient, three
+from tests.missions.test_servo_home import FILE
+
+Run = Callable[[str], Outcome]
+
+COMMANDS = [
+    "servo record shown --joint elbow --seconds 0.2 --robot three.yaml",
+    "servo calibrate elbow --seconds 0.2 --robot three.yaml",
+    "servo torque off elbow --robot three.yaml",
+    "servo set elbow return_delay 0 --robot three.yaml",
+    "servo set-id elbow 9 --robot three.yaml",
+    "servo set-baud elbow 500000 --robot three.yaml",
+    "servo set elbow torque_enable 0 --robot three.yaml",
+]
+
+
+class TypingTerminal(io.StringIO):
+    """A terminal at which somebody answers every question with yes."""
+
+    def isatty(self) -> bool:
+        return True
+
+    def fileno(self) -> int:
+        return 0
+
+
+class Person:
+    """Somebody at the keys, who looks at ``stiff`` servos before pressing Enter, or ``gives_up``."""
+
+    gives_up = False
+
+    def __init__(self, look: Callable[[], bool]) -> None:
+        self.look = look
+        self.seen: list[bool] = []
+
+    def __call__(self, descriptor: int) -> Self:  # noqa: ARG002 - as Keys is made
+        return self
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the keys."""
+
+    def read(self, timeout: float) -> str:  # noqa: ARG002 - as Keys has it
+        self.seen.append(self.look())
+        if len(self.seen) < 4:
+            return ""
+        if self.gives_up:
+            raise KeyboardInterrupt
+        return "enter"
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Three]:
+    monkeypatch.chdir(tmp_path)
+    with three(Path("three.yaml"), patient(monkeypatch), at_end="hold") as found:
+        found.elbow.set("torque_enable", 1)
+        yield found
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Run:
+    return lambda line: command(capsys, *line.split())
+
+
+@pytest.fixture
+def person(robot: Three, monkeypatch: pytest.MonkeyPatch) -> Person:
+    found = Person(lambda: not robot.elbow.limp)
+    monkeypatch.setattr("missions.cli.servo.until.Keys", found)
+    monkeypatch.setattr(sys, "stdin", TypingTerminal("y\n" * 9))
+    return found
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_torque_stays_on_until_enter(robot: Three, run: Run, person: Person, line: str) -> None:
+    outcome = run(line)
+    assert "goes off: hold the arm" in outcome.err, outcome.err
+    assert person.seen[:4] == [True] * 4
+    assert robot.elbow.limp or "record" in line
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_ctrl_c_before_enter_changes_nothing(robot: Three, run: Run, person: Person, line: str) -> None:
+    person.gives_up = True
+    before = bytes(robot.elbow.table[:24])
+    assert run(line).code == 130
+    assert not robot.elbow.limp
+    assert bytes(robot.elbow.table[:24]) == before
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_without_a_terminal_stiff_joints_stay_stiff_but_for_yes(robot: Three, run: Run, line: str) -> None:
+    outcome = run(line)
+    assert outcome.code == 2
+    assert "--yes" in outcome.err
+    assert not robot.elbow.limp
+    run(f"{line} --yes")
+    assert robot.elbow.limp is ("record" not in line)  # which ends with at_end: hold
+
+
+def test_a_restart_waits_for_enter(robot: Three, run: Run, person: Person) -> None:
+    robot.wrist.set("torque_enable", 1)
+    person.look = lambda: not robot.wrist.limp
+    outcome = run("servo reboot wrist --robot three.yaml")
+    assert (outcome.code, person.seen) == (0, [True] * 4), outcome.err
+
+
+# Looking before a long procedure
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> PatientClock:
+    return patient(monkeypatch)
+
+
+@pytest.fixture
+def arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, clock: PatientClock) -> Iterator[VirtualServo]:
+    """A stiff STS3215 with its robot file."""
+    monkeypatch.chdir(tmp_path)
+    servo, jaw = VirtualServo(1, model="STS3215"), VirtualServo(2, model="STS3215")
+    servo.set("torque_enable", 1)
+    terminal = Terminal("servos", VirtualServoBus([servo, jaw]), clock)
+    terminal.open()
+    Path("two.yaml").write_text(FILE.replace("PORT", terminal.path))
+    yield servo
+    terminal.close()
+
+
+def blocked(path: Path, how: str) -> str:
+    """Make a place where nothing can be written; return its name."""
+    if how == "missing folder":
+        return "nowhere/found.json"
+    if how == "folder":
+        path.mkdir()
+    elif how == "pipe":
+        os.mkfifo(path)
+    elif how == "link into nowhere":
+        path.symlink_to("nowhere/found.json")
+    elif how == "link to itself":
+        path.symlink_to(path.name)
+    elif how == "file for a folder":
+        Path("plain").write_text("")
+        return "plain/found.json"
+    elif how == "full disk":
+        path.symlink_to("/dev/full")
+    return path.name
+
+
+HOWS = [
+    *("missing folder", "folder", "pipe", "link into nowhere", "link to itself", "file for a folder", "full disk"),
+]
+
+
+@pytest.mark.parametrize("how", HOWS)
+def test_home_looks_whether_its_file_can_be_written_before_anything_goes_limp(
+    arm: VirtualServo, run: Run, how: str
+) -> None:
+    before = bytes(arm.table[:40])
+    outcome = run(f"servo home --robot two.yaml --into {blocked(Path('found.json'), how)} --seconds 0.2 --yes")
+    assert outcome.code == 2, outcome.err
+    assert "--into" in outcome.err
+    assert not arm.limp
+    assert bytes(arm.table[:40]) == before
+
+
+@pytest.mark.parametrize("how", HOWS)
+def test_record_looks_whether_its_file_can_be_written_before_anything_goes_limp(
+    arm: VirtualServo, run: Run, how: str
+) -> None:
+    name = blocked(Path("found.json"), how)
+    outcome = run(f"servo record shown --robot two.yaml -o {name} --force --seconds 0.2 --yes")
+    assert outcome.code == 2, outcome.err
+    assert not arm.limp
+
+
+def turned(servo: VirtualServo) -> Iterator[None]:
+    """Turn a limp servo by hand, to and fro."""
+    for step in range(60):
+        servo.turn_by_hand(radians(20) * sin(step / 5))
+        yield
+
+
+def test_what_was_recorded_is_saved_elsewhere_if_its_folder_goes(
+    arm: VirtualServo, run: Run, monkeypatch: pytest.MonkeyPatch, clock: PatientClock
+) -> None:
+    by_hand(monkeypatch, clock, turned(arm))
+    monkeypatch.setenv("XDG_STATE_HOME", str(Path("state").absolute()))
+    monkeypatch.setattr("missions.cli.outputs._put", _fail)
+    outcome = run("servo record shown --robot two.yaml --seconds 1 --yes")
+    assert outcome.code == 1, outcome.err
+    assert arm.limp  # at_end: relax
+    (saved,) = Path("state/missiontree/rescued").iterdir()
+    assert str(saved) in outcome.err
+    assert "gesture: shown" in saved.read_text()
+
+
+def _fail(*_: object) -> None:
+    raise OSError(28, "No space left on device")
+
+
+def test_home_changes_no_servo_whose_calibration_cannot_be_kept(
+    arm: VirtualServo, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(Path("state").absolute()))
+    monkeypatch.setattr("missions.cli.outputs._put", _fail)
+    monkeypatch.setattr(Homed, "trouble", lambda *_: "")
+    outcome = run("servo home --robot two.yaml --into found.json --seconds 0.2 --yes")
+    assert outcome.code == 1
+    assert arm.get("position_offset") == 0
+    (saved,) = Path("state/missiontree/rescued").iterdir()
+    assert '"elbow"' in saved.read_text()
+
+
+# Restoring
+
+CALIBRATION = (
+    '{"elbow": {"id": 1, "drive_mode": 0, "homing_offset": 0, "range_min": 1000, "range_max": 3000}, '
+    '"jaw": {"id": 2, "drive_mode": 0, "homing_offset": 0, "range_min": 1000, "range_max": 3000}}'
+)
+RESTORE = "servo home --restore --robot two.yaml --into found.json --yes"
+
+
+def settings(servo: VirtualServo) -> list[int]:
+    return [servo.get(name) for name in ("position_offset", "min_position", "max_position")]
+
+
+def test_a_restore_into_the_servos_of_the_calibration(arm: VirtualServo, run: Run) -> None:
+    Path("found.json").write_text(CALIBRATION)
+    outcome = run(RESTORE)
+    assert outcome.code == 0, outcome.err
+    assert settings(arm) == [0, 1000, 3000]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ('"elbow"', '"arm_elbow"', "has no motor 'elbow'; it has arm_elbow, jaw"),
+        ('"id": 1', '"id": 7', "motor 'elbow' has ID 7, the joint 1"),
+        ('"homing_offset": 0, "range_min": 1000', '"homing_offset": 1500, "range_min": 1000', "beyond its range"),
+    ],
+)
+def test_a_restore_refuses_a_calibration_of_other_servos(
+    arm: VirtualServo, run: Run, before: str, after: str, words: str
+) -> None:
+    Path("found.json").write_text(CALIBRATION.replace(before, after, 1))
+    outcome = run(RESTORE)
+    assert outcome.code == 3, outcome.err
+    assert words in outcome.err
+    assert settings(arm) == [0, 0, 4095]
+    assert not arm.limp
+
+
+def test_a_restore_refuses_servos_with_other_firmware_or_settings(arm: VirtualServo, run: Run) -> None:
+    Path("found.json").write_text(CALIBRATION)
+    registers = [each for each in MODELS["STS3215"].table.registers.values() if each.eeprom]
+    same = {each.name: arm.get(each) for each in registers if each.name not in origin.NOT_COMPARED}
+    Path("found.servos.json").write_text(origin.text({"elbow": {**same, "return_delay": 9}}))
+    outcome = run(RESTORE)
+    assert (outcome.code, "return_delay 0, was 9" in outcome.err) == (3, True), outcome.err
+    assert settings(arm) == [0, 0, 4095]
+    Path("found.servos.json").write_text(origin.text({"elbow": {**same, "firmware": 9}}))
+    outcome = run(RESTORE)
+    assert (outcome.code, "the calibration is of 9" in outcome.err) == (3, True), outcome.err
+    assert settings(arm) == [0, 0, 4095]
+    assert run(f"{RESTORE} --other-servos").code == 0
+    assert settings(arm) == [0, 1000, 3000]
