@@ -15,19 +15,22 @@ RECENT = 60.0
 
 
 class MotionHold:
-    """Holds the sources that commanded when a fault came. A source lets go by a stop, by standing still, by silence.
+    """Holds the source that commanded when a fault came.
 
-    So renewed commands of the same motion never restart the base; a fresh leaf, and a key pressed anew, do. Not safe
-    between threads.
+    It lets go by a stop, by standing still, by silence, and by a command the other way round: so renewed commands of
+    the same motion never restart the base; a fresh leaf, a key pressed anew, and a way back do. Not safe between
+    threads.
     """
 
     def __init__(self) -> None:
         self.fault: MotionFault | None = None
         self._held: dict[Source, float] = {}  # with the time of the last command
+        self._wanted = STILL
         self._faults: deque[float] = deque(maxlen=MAX_FAULTS)
 
-    def begin(self, fault: MotionFault, source: Source | None, now: float) -> str:
-        """Hold ``source``; return why the base is to be latched, or nothing."""
+    def begin(self, fault: MotionFault, source: Source | None, wanted: Velocity, now: float) -> str:
+        """Hold ``source``, which ``wanted`` that; return why the base is to be latched, or nothing."""
+        self._wanted = wanted
         self._held = {} if source is None or source is Source.SAFETY else {source: now}
         self.fault = fault if self._held else None
         self._faults.append(now)
@@ -40,7 +43,7 @@ class MotionHold:
         """Take a command of a source; say whether it, or a person before it, is held."""
         if source not in self._held:
             return source is not Source.TELEOP and self.holder(now) is Source.TELEOP
-        if wanted == STILL or now - self._held[source] > LET_GO:
+        if wanted == STILL or now - self._held[source] > LET_GO or _opposite(wanted, self._wanted):
             self.release(source)
             return False
         self._held[source] = now
@@ -61,3 +64,10 @@ class MotionHold:
             if now - at > LET_GO:
                 self.release(source)
         return next(iter(self._held), None)
+
+
+def _opposite(one: Velocity, other: Velocity) -> bool:
+    """Return whether a velocity leads the other way: back instead of ahead, or round to the other side."""
+    if other.linear:
+        return one.linear * other.linear < 0.0
+    return one.angular * other.angular < 0.0

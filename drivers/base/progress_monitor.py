@@ -70,17 +70,17 @@ class ProgressMonitor:
     def __init__(self, instruments: Instruments | None = None) -> None:
         self._instruments = instruments or Instruments()
         self._windows = (MotionWindow(WINDOW, 0.04), MotionWindow(SLOW_WINDOW, 0.2))
+        self._interval = 0.0
         self.restart()
 
     def restart(self) -> None:
         """Forget all that was sent and measured."""
-        self._sent = SentVelocities(LAG)
+        self._sent = SentVelocities(LAG + self._interval)
         self._updated_at = 0.0
         self._sums = MotionSums(0.0)
         self._state: BaseState | None = None
         self._pose: Pose2D | None = None
         self._reported_at = 0.0
-        self._interval = 0.0
         self._overloaded_since: float | None = None
         for window in self._windows:
             window.clear()

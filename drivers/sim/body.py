@@ -9,7 +9,8 @@ from drivers.sim.backup_limit import BackupLimit
 from drivers.sim.battery import Battery
 from drivers.sim.dock import NO_SIGNALS
 from drivers.sim.ground import Ground, OpenFloor
-from drivers.sim.load import ELECTRONICS, OVERLOAD, current
+from drivers.sim.load import ELECTRONICS, OVERLOAD, STALLED, current
+from drivers.sim.odometers import Encoders, GyroDrift
 from drivers.sim.wheels import Wheels
 
 COMMAND_TIMEOUT = 0.4
@@ -45,7 +46,8 @@ class Body:
     a wheel over an edge it goes nowhere until it is put down elsewhere (``wheels.pose``), nor does it while ``lifted``.
     Its ``battery`` is one that keeps what it has, unless another is given. It is ``docked`` on the contacts of the dock
     of its ground, and wherever it stands while it is ``fed``. ``bumper``, ``cliff``, ``wheel_drop`` and ``docked`` are
-    as of the last ``advance``. ``backup_limit`` is that of a Create 3; a base whose ``e_stop`` is on obeys no velocity.
+    as of the last ``advance``. ``backup_limit`` is that of a Create 3; a base whose ``e_stop`` is on obeys no velocity,
+    one that is ``reversed`` turns its wheels the other way. ``counters`` are its encoders, ``gyro`` what that errs by.
     """
 
     def __init__(
@@ -53,7 +55,9 @@ class Body:
     ) -> None:
         self.wheels = wheels or Wheels()
         self.battery = battery or Battery()
-        self.lifted = self.docked = self.fed = self.e_stop = False
+        self.lifted = self.docked = self.fed = self.e_stop = self.reversed = False
+        self.counters = Encoders(self.wheels)
+        self.gyro = GyroDrift()
         self.backup_limit: BackupLimit | None = None
         self.bumper = self.cliff = NOTHING
         self._ground = ground or OpenFloor()
@@ -87,19 +91,24 @@ class Body:
     @property
     def encoders(self) -> tuple[int, int]:
         """What the encoders of the left and the right wheel have counted; forward is positive."""
-        return round(self.wheels.left / METRES_PER_TICK), round(self.wheels.right / METRES_PER_TICK)
+        left, right = self.counters.travel
+        return round(left / METRES_PER_TICK), round(right / METRES_PER_TICK)
 
     @property
     def currents(self) -> tuple[float, float]:
         """What the left and the right motor draw, in amperes."""
         (left_speed, right_speed), (left, right) = self.wheels.speeds, (self.wheels.left, self.wheels.right)
         held = self._held or (left, right)
-        return current(left_speed, abs(left - held[0])), current(right_speed, abs(right - held[1]))
+        found = current(left_speed, abs(left - held[0])), current(right_speed, abs(right - held[1]))
+        if not self.wheels.blocked:
+            return found
+        left_stalls, right_stalls = self.wheels.stalled
+        return STALLED if left_stalls else found[0], STALLED if right_stalls else found[1]
 
     @property
     def overcurrent(self) -> Sides:
         """Which motors are overloaded; there is none in the centre."""
-        if self._held is None:
+        if self._held is None and not self.wheels.blocked:
             return NOTHING
         left, right = (amperes >= OVERLOAD for amperes in self.currents)
         return Sides(left=left, right=right) if left or right else NOTHING
@@ -134,6 +143,8 @@ class Body:
     def _tell_wheels(self, now: float) -> None:
         """Tell the wheels what of the command is obeyed."""
         linear, angular = (0.0, 0.0) if self.e_stop else self._commanded
+        if self.reversed:
+            linear, angular = -linear, -angular
         if self.backup_limit is not None and self.backup_limit.reached:
             linear = max(linear, 0.0)
         self.wheels.command(linear, angular, now)

@@ -9,7 +9,9 @@ ELECTRONICS = 0.4
 OVERLOAD = 3.0
 """Amperes at which the base says that a motor is overloaded (vendor)."""
 
-_STALLED = 3.5  # amperes: the motor drives with all it has
+STALLED = 3.5
+"""Amperes of a motor that drives with all it has."""
+
 _FRICTION = 0.15  # amperes, for a wheel that turns at all
 _SPEED = 0.3  # amperes more for each m/s of the rim
 _IN_VAIN = 30.0  # amperes more for each metre that a wheel has slipped: its controller pushes ever harder
@@ -22,4 +24,4 @@ def current(speed: float, in_vain: float = 0.0) -> float:
     """
     if speed == 0.0:
         return 0.0
-    return min(_FRICTION + _SPEED * abs(speed) + _IN_VAIN * in_vain, _STALLED)
+    return min(_FRICTION + _SPEED * abs(speed) + _IN_VAIN * in_vain, STALLED)

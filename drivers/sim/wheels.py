@@ -32,6 +32,8 @@ class Wheels:
         self.pose = pose or Pose2D(0.0, 0.0, 0.0)
         """The true pose; set it to lift the base and put it down elsewhere."""
         self.slip = slip
+        self.blocked = False
+        """True while both wheels are held fast: their motors push in vain."""
         self.left = self.right = 0.0
         """How far the rim of each wheel has turned, in metres, backwards negative: what its encoder counts."""
         self.separation = separation
@@ -52,6 +54,11 @@ class Wheels:
     def speeds(self) -> tuple[float, float]:
         """How fast the rims of the left and the right wheel turn, in m/s."""
         return self._speeds
+
+    @property
+    def stalled(self) -> tuple[bool, bool]:
+        """Whether the motors of the left and the right wheel push in vain."""
+        return self.blocked and self._goals[0] != 0.0, self.blocked and self._goals[1] != 0.0
 
     @property
     def turning(self) -> bool:
@@ -86,7 +93,9 @@ class Wheels:
 
     def _roll(self, seconds: float) -> None:
         """Turn both wheels for ``seconds``, and move the base along the arc that this makes."""
-        if self._speeds == self._goals == (0.0, 0.0):
+        if self.blocked:
+            self._speeds = (0.0, 0.0)
+        if self.blocked or self._speeds == self._goals == (0.0, 0.0):
             return
         left, left_speed = _run_up(self._speeds[0], self._goals[0], self._acceleration, seconds)
         right, right_speed = _run_up(self._speeds[1], self._goals[1], self._acceleration, seconds)

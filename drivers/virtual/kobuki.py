@@ -23,6 +23,7 @@ from drivers.kobuki.wire import BAUD, MAX_PAYLOAD, FrameFinder, Part, decode, fr
 from drivers.sim.battery import Battery
 from drivers.sim.body import Body, either
 from drivers.sim.ground import Ground
+from drivers.sim.odometers import DelayLine
 from drivers.sim.wheels import Wheels
 
 PERIOD = 0.02
@@ -53,10 +54,10 @@ class VirtualKobuki:
     It feels what its ``body`` feels of the ground, and what is set from outside, at any time: ``bumper``, ``cliff``,
     ``wheel_drop`` (no centre), ``buttons`` (of ``BUTTONS``), what is at its ``sockets``, and, instead of what comes of
     its battery and dock, ``battery_voltage`` and ``charger`` (as in ``feedback.Charger``) where these are not None.
-    ``gyro_offset`` in radians is what its gyro shows at the heading 0. Faults of the firmware, likewise: ``frozen``
-    sends no reports, ``shortened`` is the ID of a part that lacks its last byte, ``chatty`` adds a part that nobody
-    knows. ``played`` keeps the tunes and tones (hertz, seconds) that it was asked for, ``outputs`` the word of all that
-    it switches.
+    ``gyro_offset`` in radians is what its gyro shows at the heading 0; ``late`` delays all reports. Faults of the
+    firmware, likewise: ``frozen`` sends no reports, ``shortened`` is the ID of a part that lacks its last byte,
+    ``chatty`` adds a part that nobody knows. ``played`` keeps the tunes and tones (hertz, seconds) that it was asked
+    for, ``outputs`` the word of all that it switches.
     """
 
     def __init__(
@@ -76,6 +77,7 @@ class VirtualKobuki:
         self.charger: int | None = None
         self.gyro_offset = 0.0
         self.frozen = False
+        self.late: DelayLine[bytes] = DelayLine()
         self.shortened: int | None = None
         self.chatty = False
         self.played: list[Tune | tuple[float, float]] = []
@@ -107,13 +109,12 @@ class VirtualKobuki:
         with self._lock:
             if self._reports == 0:
                 self._started_at = self._next_at = now
-            said = b""
             while self._next_at <= now:
                 self.body.advance(self._next_at)
-                said += self._report(self._next_at)
+                self.late.put(self._next_at, self._report(self._next_at))
                 self._reports += 1
                 self._next_at = self._started_at + self._reports * PERIOD
-            return said
+            return b"".join(self.late.due(now))
 
     def next_at(self) -> float | None:
         """Return when the next report is due; None before it is switched on."""
@@ -179,7 +180,7 @@ class VirtualKobuki:
         parts = [
             self._core(now),
             self._dock(),
-            self._inertia(),
+            self._inertia(now),
             self._floor(),
             self._currents(),
             self._gyro(),
@@ -232,9 +233,10 @@ class VirtualKobuki:
         left, right = (min(round(100 * amperes), 0xFF) for amperes in self.body.currents)
         return feedback.MotorCurrent(left, right)
 
-    def _inertia(self) -> feedback.Inertia:
-        heading = round(100 * degrees(self.body.pose.heading + self.gyro_offset))
-        rate = 100 * degrees(self.body.velocity.angular)
+    def _inertia(self, now: float) -> feedback.Inertia:
+        gyro = self.body.gyro
+        heading = round(100 * degrees(self.body.pose.heading + self.gyro_offset + gyro.error(now)))
+        rate = 100 * degrees(self.body.velocity.angular + gyro.rate)
         return feedback.Inertia((heading + 18000) % 36000 - 18000, _clip(rate, 0x7FFF))
 
     def _floor(self) -> feedback.CliffDistance:

@@ -17,6 +17,7 @@ from drivers.ros2.line import BAUD, Channel
 from drivers.ros2.ranger import SCAN
 from drivers.ros2.types import Malformed, types
 from drivers.sim.body import NOTHING, Body, either
+from drivers.sim.odometers import DelayLine
 from drivers.sim.scanner import Look
 
 PERIOD = 0.02
@@ -94,7 +95,8 @@ class VirtualBase(Topics):
     It feels what its body feels, and what is set from outside: ``bumper``, ``cliff``, ``wheel_drop``, and ``hazards``,
     each a type and the frame where it is felt. Its odometry
     begins at ``origin``, as that of a robot that has driven before. ``steered`` may drive it instead, while it returns
-    a velocity: as Nav2 does. ``velocities`` are those that it was told, with their times.
+    a velocity: as Nav2 does. Odometry is sent every ``odometry_interval`` seconds, ``late``. ``velocities`` are those
+    that it was told, with their times.
     """
 
     def __init__(
@@ -118,7 +120,9 @@ class VirtualBase(Topics):
         self.steered: Callable[[float, Pose2D], Velocity | None] = lambda now, pose: None  # noqa: ARG005
         self._words = list(topics)
         self._reckoning = Reckoning()
-        self._due = self._slow_due = -inf
+        self.odometry_interval = PERIOD
+        self.late: DelayLine[dict[str, object]] = DelayLine()
+        self._due = self._slow_due = self._odometry_due = -inf
 
     def pose(self, now: float) -> Pose2D:
         """Where it really is at time ``now``."""
@@ -161,7 +165,11 @@ class VirtualBase(Topics):
             self._due = now + PERIOD
             yield from self._send("hazards", self._hazards())
             yield from self._send("sensors", {"bumper": int(bool(either(self.bumper, self.body.bumper)))})
-            yield from self._send("odom", self._odometry())
+        if now >= self._odometry_due:
+            self._odometry_due = now + self.odometry_interval
+            self.late.put(now, self._odometry())
+        for odometry in self.late.due(now):
+            yield from self._send("odom", odometry)
         if now >= self._slow_due:
             self._slow_due = now + SLOW
             battery = self.body.battery
@@ -176,8 +184,8 @@ class VirtualBase(Topics):
             yield number, types().encode(self._kind(number), values)
 
     def _rolls(self) -> Velocity:
-        left, right = self.body.wheels.speeds
-        return Velocity((left + right) / 2, (right - left) / self.body.wheels.separation)
+        left, right = self.body.counters.speeds
+        return Velocity((left + right) / 2, (right - left) / self.body.wheels.separation + self.body.gyro.rate)
 
     def _odometry(self) -> dict[str, object]:
         at, moves = self.odometry, self._rolls()

@@ -7,6 +7,7 @@ from threading import RLock
 from drivers.api import Pose2D, Velocity
 from drivers.base.reckoning import TwoWheels
 from drivers.sim.body import Body
+from drivers.sim.odometers import DelayLine
 from drivers.waveshare import wire
 
 BANNER = b"Initialize LittleFS for Flash files ctrl.\r\nWiFi init.\r\nUGV started.\r\n"
@@ -22,7 +23,7 @@ class VirtualWaveshare:
     """A ``drivers.virtual.terminal.WireDevice`` on the ``body`` of a base. Safe between threads.
 
     ``track`` (m) is what its wheels turn it by, ``unit`` what it is told for 1 m/s. ``echoes`` is False for firmware
-    that knows no echo. ``commanded`` keeps the newest speeds that it obeyed.
+    that knows no echo. ``late`` delays its reports. ``commanded`` keeps the newest speeds that it obeyed.
     """
 
     def __init__(
@@ -36,6 +37,7 @@ class VirtualWaveshare:
         self._unit = unit
         self._encoders = encoders
         self._lock = RLock()
+        self.late: DelayLine[bytes] = DelayLine()
         self._forget()
 
     def _forget(self) -> None:
@@ -81,8 +83,8 @@ class VirtualWaveshare:
         self._drive(now)
         if self._flow and now >= self._due:
             self._due = now + max(self._interval, LOOP)
-            said += self._report()
-        return said
+            self.late.put(now, self._report())
+        return said + b"".join(self.late.due(now))
 
     def _drive(self, now: float) -> None:
         """Turn the wheels: those of the body, which forget sooner, are told again."""
@@ -122,6 +124,6 @@ class VirtualWaveshare:
         """What its encoders measure now, in m/s; nothing, where there are none."""
         if not self._encoders:
             return {"L": 0, "R": 0}
-        left, right = self.body.wheels.speeds
+        left, right = self.body.counters.speeds
         moves = Velocity((left + right) / 2, (right - left) / self.body.wheels.separation)
         return {name: round(speed, 4) for name, speed in zip("LR", self._wheels.rims(moves), strict=True)}

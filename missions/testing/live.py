@@ -10,6 +10,7 @@ from missions.testing.phrases import Phrase
 
 DETAILS = {
     "bumped": "bumped left", "cliff": "cliff centre", "battery": "battery at 5 %", "button": "button 0 pressed",
+    "drifting": "drifting at 2 deg/s", "late": "late by 0.5 s",
     "overloaded": "overloaded {joint}", "turned": "turned {joint} to 30 deg",
 }  # fmt: skip
 """Examples of the states that say more than their word."""

@@ -12,8 +12,13 @@ from missions.testing.phrases import Phrase
 
 UNPLUGGED = ("unplugged",)
 
+OF_THE_DRIVE = (
+    "blocked", "slipping", "reversed", "uncounted", "drifting", "late", "e_stopped", "back_limited",
+)  # fmt: skip
+"""Faults of the drive and the odometry of a base."""
+
 STATES: dict[str, tuple[str, ...]] = {
-    "base": ("unplugged", "bumped", "cliff", "lifted", "battery", "button", "docked", "driven"),
+    "base": ("unplugged", "bumped", "cliff", "lifted", "battery", "button", "docked", "driven", *OF_THE_DRIVE),
     "arm": ("unplugged", "overloaded", "turned"),
     "camera": ("unplugged", "frozen", "covered", "slow"),
     "microphone": ("unplugged", "deaf"),
@@ -38,6 +43,9 @@ JOINT = {"overloaded": "elbow", "turned": "elbow to 30 deg"}
 NO_OTHERS: Mapping[str, str] = MappingProxyType({})
 """A robot without further parts of a kind."""
 
+MEASURED = {"drifting": ("at", "turn rate"), "late": ("by", "duration")}
+"""States with an amount: the word before it, and its dimension."""
+
 WHEN = ("from", "at", "for", "when")
 
 
@@ -46,7 +54,8 @@ class Mishap:
     """A ``part`` of the robot is in a ``state`` for ``seconds`` from ``start`` on, or from the first ``moment`` on.
 
     ``detail`` is where it bumps or feels a cliff, the name of a joint, or the number of a button; ``amount`` what is
-    left of a battery (0..1), or the angle (radians) that somebody turns a joint to.
+    left of a battery (0..1), the angle (radians) that somebody turns a joint to, the drift of a gyro (rad/s), or the
+    delay of odometry (s).
     """
 
     part: str
@@ -95,6 +104,12 @@ def _details(phrase: Phrase, state: str) -> tuple[str, float]:
         return joint, phrase.quantity(f"'{state}'", "angle", low=-math.pi, high=math.pi) if state == "turned" else 0.0
     if state == "button":
         return _button(phrase), 0.0
+    if state in MEASURED:
+        word, dimension = MEASURED[state]
+        if not phrase.took(word):
+            phrase.wrong(f"what follows '{state}'", (word,))
+        low = -math.inf if state == "drifting" else 0.0
+        return "", phrase.quantity(f"'{state}'", dimension, low=low, high=math.inf if state == "drifting" else 2.0)
     if state == "battery" and not phrase.took("at"):
         phrase.wrong("what follows 'battery'", ("at",))
     if state == "battery":

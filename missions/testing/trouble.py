@@ -8,13 +8,20 @@ from functools import partial
 
 from drivers.api import Sides, Source, Velocity
 from drivers.errors import DriverError
+from drivers.sim.backup_limit import BackupLimit
 from drivers.sim.twins.base import BaseTwin
 from drivers.sim.twins.joints import JointsTwin
 from drivers.sim.twins.plug import Plug
 from missions.runner import Runner
 from missions.testing.history import History
-from missions.testing.mishaps import RUN, Mishap
+from missions.testing.mishaps import OF_THE_DRIVE, RUN, Mishap
 from missions.testing.moments import Happening
+
+SLIP = 0.9
+"""The share of their way that wheels slip."""
+
+BACKING = 0.025
+"""Metres that a base with a backup limit backs: an inch, as users report of a Create 3."""
 
 BY_HAND = Velocity(0.15, 0.4)
 """How a base is driven by hand, again and again after so many seconds."""
@@ -23,6 +30,28 @@ RENEWED = 0.1
 
 SOMEBODY = "a mishap"
 """Who stops a run that is stopped."""
+
+
+def _switch_drive(base: BaseTwin, fault: Mishap, now: float, *, on: bool) -> None:
+    """Begin or end a fault of the drive or the odometry of a base."""
+    body = base.body
+    match fault.state:
+        case "blocked":
+            body.wheels.blocked = on
+        case "slipping":
+            body.wheels.slip = SLIP if on else 0.0
+        case "reversed":
+            body.reversed = on
+        case "uncounted":
+            body.counters.lost = on
+        case "drifting":
+            body.gyro.drift(fault.amount if on else 0.0, now)
+        case "late":
+            base.late.seconds = fault.amount if on else 0.0
+        case "e_stopped":
+            body.e_stop = on
+        case _:
+            body.backup_limit = BackupLimit(BACKING) if on else None
 
 
 class Trouble:
@@ -110,6 +139,8 @@ class Trouble:
                 base.feed(on=on)
             case "battery":
                 base.drain(100.0 * mishap.amount)
+            case state if state in OF_THE_DRIVE:
+                _switch_drive(base, mishap, self._now(), on=on)
             case _:
                 self._felt = felt = [each for each in self._felt if each is not mishap] + ([mishap] if on else [])
                 buttons = frozenset(int(each.detail) for each in felt if each.state == "button")

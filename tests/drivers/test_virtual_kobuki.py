@@ -327,7 +327,7 @@ def test_a_twin_that_drives_onto_its_dock_is_told_before_it_bumps_and_charges() 
 
 def test_a_twin_tells_of_wheels_that_turn_in_vain() -> None:
     twin = TwinBench(Pose2D(-2.6, 2.0, 0.0))
-    twin.run(4.0, Velocity(-0.3, 0.0))  # into the wall behind it, where it has no bumper
+    twin.run(2.0, Velocity(-0.3, 0.0))  # into the wall behind it, where it has no bumper; later its monitor stops it
     value = twin.twin.state().value
     assert value is not None
     assert (value.overcurrent, value.bumper) == (Sides(left=True, right=True), Sides())

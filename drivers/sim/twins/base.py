@@ -3,7 +3,7 @@
 from dataclasses import replace
 from math import degrees, inf
 from random import Random
-from typing import Protocol, Unpack
+from typing import Any, Protocol, Unpack
 
 from drivers.api import (
     STILL,
@@ -27,6 +27,7 @@ from drivers.kobuki.feedback import Core, Inertia
 from drivers.kobuki.odometry import Odometry
 from drivers.sim.body import NOTHING, Body, either
 from drivers.sim.dock import NO_SIGNALS
+from drivers.sim.odometers import DelayLine
 from drivers.sim.twins.panel import PanelTwin
 from drivers.sim.twins.plug import Plug
 
@@ -82,6 +83,8 @@ class BaseTwin(SteeredBase, PanelTwin):
         self._random = Random(f"{seed} {self.name}")  # noqa: S311 - chance, not a secret
         self._gyro_noise = gyro_noise
         self._dropouts = dropouts
+        self.late: DelayLine[Any] = DelayLine()
+        """Delays what is measured of its motion."""
         self._gyro_error = 0.0  # radians that the noise has added up to
         self._pressed: tuple[Sides, Sides, frozenset[int]] = (NOTHING, NOTHING, frozenset())  # by hand
         self._contacts: Contacts = (NOTHING, NOTHING, NOTHING, frozenset(), frozenset(), False)  # of the newest report
@@ -201,10 +204,13 @@ class BaseTwin(SteeredBase, PanelTwin):
         left, right = self.body.encoders
         noise = self._random.gauss(0.0, self._gyro_noise) if self._gyro_noise else 0.0
         self._gyro_error += noise * self.PERIOD
-        heading = round(100 * degrees(self.body.pose.heading + self._gyro_error))
-        rate = round(100 * degrees(self.body.velocity.angular + noise))
+        gyro = self.body.gyro
+        heading = round(100 * degrees(self.body.pose.heading + self._gyro_error + gyro.error(now)))
+        rate = round(100 * degrees(self.body.velocity.angular + noise + gyro.rate))
         core = Core(time_ms=round(1000 * now), left_encoder=left, right_encoder=right)
-        self._odometry.update(core, Inertia(heading, rate), now)
+        self.late.put(now, (core, Inertia(heading, rate)))
+        for core, inertia in self.late.due(now):
+            self._odometry.update(core, inertia, now)
         self._signals = self.body.signals()
 
     def _touches(self) -> Contacts:

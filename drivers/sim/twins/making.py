@@ -52,13 +52,16 @@ def pi_car(keys: PiCarKeys, stage: Stage) -> PlainTwin:
     return plain(TwoWheels(keys.track, keys.speed_at_full), keys, stage, reckoned=True, gauge=False)
 
 
-def plain(wheels: TwoWheels, keys: BaseKeys, stage: Stage, *, reckoned: bool, gauge: bool = True) -> PlainTwin:
+def plain(
+    wheels: TwoWheels, keys: BaseKeys, stage: Stage, *, reckoned: bool, gauge: bool = True, gyro: bool = False
+) -> PlainTwin:
     """Return the twin of a base that feels nothing: with a pose that is dead reckoning, without a ``gauge`` perhaps."""
     return PlainTwin(
         stage.clock,
         wheels=wheels,
         reckoned=reckoned,
         gauge=gauge,
+        gyro=gyro,
         body=stage.body(),
         dropouts=stage.physics.dropouts,
         seed=stage.seed,

@@ -28,6 +28,7 @@ class PlainTwin(BaseTwin):
         wheels: TwoWheels,
         reckoned: bool,
         gauge: bool = True,
+        gyro: bool = False,
         body: Body | None = None,
         dropouts: float = 0.0,
         seed: int = 0,
@@ -37,6 +38,7 @@ class PlainTwin(BaseTwin):
         self._wheels = wheels
         self._reckoned = reckoned
         self._gauge = gauge
+        self._gyro = gyro
         self._reckoning = Reckoning()
 
     @property
@@ -47,12 +49,18 @@ class PlainTwin(BaseTwin):
         self._reckoning.pause()
 
     def _measure(self, now: float) -> None:
-        self._reckoning.advance(now, None if self._reckoned else self._rolls())
+        if self._reckoned:
+            self._reckoning.advance(now)
+            return
+        self.late.put(now, (now, self._rolls()))
+        for at, rolls in self.late.due(now):
+            self._reckoning.advance(at, rolls)
 
     def _rolls(self) -> Velocity:
-        """Return how it moves by the speeds of its wheels, whether they slip or not."""
-        wheels = self.body.wheels
-        return Velocity(sum(wheels.speeds) / 2, (wheels.speeds[1] - wheels.speeds[0]) / wheels.separation)
+        """Return how it moves by its encoders, whether its wheels slip or not, and by its gyro, where it has one."""
+        left, right = self.body.counters.speeds
+        drift = self.body.gyro.rate if self._gyro else 0.0
+        return Velocity((left + right) / 2, (right - left) / self.body.wheels.separation + drift)
 
     def _touches(self) -> Contacts:
         return NOTHING, NOTHING, NOTHING, frozenset(), frozenset(), False

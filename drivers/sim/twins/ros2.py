@@ -187,7 +187,7 @@ def base(keys: Ros2BaseKeys, stage: Stage) -> BaseTwin:
         twin = making.base(keys, stage)
         twin.body.backup_limit = BackupLimit()
         return twin
-    return making.plain(TwoWheels(0.2, FASTEST), keys, stage, reckoned=False, gauge=bool(keys.battery))
+    return making.plain(TwoWheels(0.2, FASTEST), keys, stage, reckoned=False, gauge=bool(keys.battery), gyro=True)
 
 
 def ranger(keys: Ros2RangeKeys, stage: Stage) -> RangerTwin:

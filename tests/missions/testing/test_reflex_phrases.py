@@ -1,5 +1,6 @@
 """Test files speak of reflexes: what befalls a base and its range finder, what fires, and what is expected of that."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,9 @@ def known(name: str) -> str:
         ("base button 2 pressed from 1 s to 2 s", Mishap("base", "button", "2", start=1.0, seconds=1.0)),
         ("base docked from 3 s", Mishap("base", "docked", start=3.0)),
         ("base battery at 8 % from 3 s", Mishap("base", "battery", amount=0.08, start=3.0)),
+        ("base blocked from 2 s", Mishap("base", "blocked", start=2.0)),
+        ("base drifting at 180 deg/s from 1 s", Mishap("base", "drifting", amount=math.pi, start=1.0)),
+        ("base late by 0.5 s from 1 s", Mishap("base", "late", amount=0.5, start=1.0)),
         ("range unplugged at 3 s", Mishap("range", "unplugged", start=3.0)),
         (
             "range unplugged when bumper fires for 1 s",
