@@ -35,6 +35,7 @@ from missions.order import RunRequest, Simulate, contradictions
 from missions.runner import PATIENT, Runner, ports_of
 from missions.runner import load as load_plan
 from missions.studio.control import ControlSocket
+from missions.studio.holders import WITHOUT_STOP
 from missions.studio.pictures import Pictures
 
 Params = Mapping[str, object]
@@ -207,13 +208,14 @@ def run(
     eyes: Literal["pixels", "truth"] = "pixels",
     speed: float = math.inf,
     listeners: Sequence[Listener] = (),
+    without_stop: bool = False,
 ) -> Result:
     """Run a mission to its end and return how that was, as ``mission run`` does, with the same options.
 
     Simulated unless ``robot`` is named; ``simulate="fast"`` is simulated time, without waiting. ``mission stop`` stops
     it from any terminal. On the main thread, Ctrl-C and its like end it safely, and a signal that a hanging leaf keeps
     from being heard ends the process, with the robot at rest. A leaf that hangs without a signal is waited for, with
-    the robot kept still.
+    the robot kept still. A robot does not move where ``mission stop`` cannot reach the run, unless ``without_stop``.
 
     Raises ValueError for arguments that contradict each other, such as a camera in simulated time; InvalidFileError,
     UnknownNameError, or a drivers.errors.DriverError such as NotConnected.
@@ -230,6 +232,7 @@ def run(
         [Path(file) for file in behaviours],
         eyes=eyes,
         speed=speed,
+        without_stop=without_stop,
     )
     if why := "; ".join(contradictions(order, _argument, ports_of)):
         raise ValueError(why)
@@ -242,8 +245,9 @@ def run(
 
 @contextmanager
 def _reachable(runner: Runner, pictures: Pictures) -> Iterator[None]:
-    """Have the control socket of a run, by which ``mission stop`` stops it."""
+    """Have the control socket of a run, by which ``mission stop`` stops it. Raises NoStop, as its ``require_stop``."""
     with ControlSocket(runner, pictures) as control:
+        control.require_stop(f"without_stop=True, or {WITHOUT_STOP}=yes, with a hand at the robot's own switch")
         if control.trouble:
             log.warning("%s: `mission stop` cannot reach this run", control.trouble)
         yield

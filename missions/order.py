@@ -29,7 +29,8 @@ class RunRequest:
     pictures are drawn and searched ("pixels") or faces are known from the world ("truth").
     ``behaviours`` are files of Python with leaves of the user's own. ``pad`` is the node of a game pad that takes the
     wheels, in real time only. With ``physics`` the robot stands, walks and falls as a body with masses.
-    ``ros2_domain`` is that of its nodes of ROS 2, instead of what its file says.
+    ``ros2_domain`` is that of its nodes of ROS 2, instead of what its file says. ``without_stop`` lets a robot move
+    although ``mission stop`` cannot reach the run.
     """
 
     mission: str
@@ -46,6 +47,7 @@ class RunRequest:
     pad: str | None = None
     physics: bool = False
     ros2_domain: int | None = None
+    without_stop: bool = False
 
     @property
     def simulation(self) -> Simulate | None:

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from missions.studio.places import SYSTEM_ROOT
 from tests.browser import Browser, chromium
 
 # Machines are shared: how long an example takes says nothing. `make test` tries the same examples everywhere;
@@ -81,6 +82,7 @@ def homes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Iterator[Path]]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MISSION_RECORD", "no")  # nothing of the runs of tests, unless they ask for it
         patch.setenv("XDG_RUNTIME_DIR", str(base / "runtime"))  # a shared studio finds the runs of each test there
+        patch.setenv(SYSTEM_ROOT, str(base / "system"))  # and no stop reaches what else runs on this computer
         _live_in(next(found), patch)
         yield found
 

@@ -157,6 +157,7 @@ class RunCommand(MissionCommand):
 )
 @click.option("--ros2-router", metavar="ADDRESS", help="Where, instead of the robot's router: tcp/127.0.0.1:7447.")
 @click.option("--ros2-domain", type=Whole(0, 232), help="The domain of ROS 2, instead of what the robot file says.")
+@click.option("--without-stop", is_flag=True, help="Move a robot although `mission stop` cannot reach the run.")
 @studio_option
 @leash_option
 @click.option("--json", "as_json", is_flag=True, help="End with one line of JSON on stdout; the rest goes to stderr.")
@@ -187,6 +188,7 @@ def command(
     ros2: bool,
     ros2_router: str | None,
     ros2_domain: int | None,
+    without_stop: bool,
     studio: bool,
     leash: int | None,
     as_json: bool,
@@ -221,6 +223,7 @@ def command(
         pad=pad,
         physics=physics,
         ros2_domain=ros2_domain,
+        without_stop=without_stop,
     )
     if no_record and record is not None:
         raise click.UsageError("--record keeps it, --no-record does not: one of them")

@@ -41,6 +41,11 @@ class StopLatch:
         """How many stops there were."""
         self._presses: deque[str] = deque(maxlen=MOST_PRESSES)  # of those that are latched
 
+    @property
+    def parts(self) -> list[str]:
+        """The parts that a stop makes still."""
+        return [*self._parts]
+
     def stop(self, by: str, press: str = "") -> list[str]:
         """Stop for ``by``; return the parts that were told within ``REPLY_TIME``. The others are told when they can be.
 

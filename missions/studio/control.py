@@ -10,10 +10,9 @@ import os
 import selectors
 import socket
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from math import inf
 from threading import Thread
 from types import TracebackType
 from typing import Literal, Self
@@ -26,8 +25,9 @@ from missions.studio import sockets
 from missions.studio.audience import IDLE, NOTHING, Audience, Client
 from missions.studio.commands import Command, Drive, Look, Release, Seen, Stop, Watch
 from missions.studio.doing import Doing
+from missions.studio.endpoint import LISTENER, Endpoint
 from missions.studio.form import BadMessage
-from missions.studio.holders import noted
+from missions.studio.holders import require_stop
 from missions.studio.messages import Answer, Over, Run
 from missions.studio.outlet import Outlet
 from missions.studio.pictures import Pictures
@@ -40,16 +40,14 @@ FAREWELL = 0.5
 MOST_CLIENTS = 64
 """Connections at once; for one more, one that is idle is hung up on."""
 
-BREATH = 0.1
-"""Seconds for which nobody is let in where the process has no descriptor left for one more."""
-
 OF_RUN: Mapping[str, type[Command]] = {word: kind for word, kind in COMMANDS.items() if kind.of_run}
 
 
 class ControlSocket:
     """Serves the control socket of a ``runner`` while it is entered, and listens to its events.
 
-    ``pictures`` is who gets the frames. What goes wrong with the socket itself is in ``trouble``: the run goes on.
+    ``pictures`` is who gets the frames. What goes wrong with the socket itself is in ``trouble``; ``require_stop``
+    raises it for a run that would move a robot.
     """
 
     def __init__(self, runner: Runner, pictures: Pictures, *, clock: Clock | None = None) -> None:
@@ -71,16 +69,13 @@ class ControlSocket:
             simulated=simulated,
             began=round(began, 3),
         )
-        self.trouble = ""
+        self._selector = selectors.DefaultSelector()
+        self._endpoint = Endpoint(self._selector, self._of_run)
         self._audience = Audience(self._name, runner, self.outlet, pictures, self._doing, self._clock, of)
         self._clients = self._audience.clients
-        self._listener: socket.socket | None = None
         self._waker, self._wake_end = socket.socketpair()
         self._ending = False
-        self._selector = selectors.DefaultSelector()
         self._thread: Thread | None = None
-        self._note = ExitStack()
-        self._listens_at = inf  # again, where it does not now
         runner.stream.listeners.append(self)
 
     def __call__(self, event: Event) -> None:
@@ -90,16 +85,10 @@ class ControlSocket:
     def __enter__(self) -> Self:
         for end in (self._waker, self._wake_end):
             end.setblocking(False)
-        try:
-            self._listener = sockets.listen(sockets.path_of(self._name))
-            if self._name == str(os.getpid()):  # one note for each process: it is of its first run
-                self._note.enter_context(noted(self._of_run.mission, self._of_run.robot, self._of_run.simulated))
-        except OSError as error:
-            self.trouble = f"no control socket: {error.strerror or error}"
+        self._endpoint.turn(self._clock.now())
+        if not self._endpoint.listeners:
             self._hang_up()
             return self
-        self._listener.setblocking(False)
-        self._selector.register(self._listener, selectors.EVENT_READ)
         self._selector.register(self._waker, selectors.EVENT_READ)
         self.outlet.wake = self._pictures.wake = self._wake
         self._thread = Thread(target=self._serve, name="control", daemon=True)
@@ -114,16 +103,24 @@ class ControlSocket:
             self._wake()
             self._thread.join()
             self._thread = None
-            self._note.close()  # before the socket: without that it would be taken for a command
-            with suppress(OSError):
-                sockets.path_of(self._name).unlink(missing_ok=True)
             self._hang_up()
 
+    @property
+    def trouble(self) -> str:
+        """Why no stop can reach the run; empty where one can."""
+        return self._endpoint.trouble
+
+    def require_stop(self, hint: str) -> None:
+        """Raise NoStop where the run would move a robot and no stop can reach it, unless the user allows that."""
+        order = self._runner.order
+        if self.trouble and not order.without_stop:
+            require_stop(self.trouble, simulated=order.simulation is not None, hint=hint)
+
     def _hang_up(self) -> None:
-        self._note.close()
+        self._endpoint.close()
         sockets.forget_run(self._name)
         self._selector.close()
-        for end in (self._waker, self._wake_end, *([] if self._listener is None else [self._listener])):
+        for end in (self._waker, self._wake_end):
             end.close()
 
     def _wake(self) -> None:
@@ -134,7 +131,7 @@ class ControlSocket:
 
     def _serve(self) -> None:
         while not self._ending:
-            due = min(self._audience.due, self._doing.kill_at, self._wheels.ends_at, self._listens_at)
+            due = min(self._audience.due, self._doing.kill_at, self._wheels.ends_at, self._endpoint.due)
             self._guarded(partial(self._turn, max(0.0, due - self._clock.now())))
         self._wheels.stop()
         self._guarded(self._audience.tell)
@@ -159,8 +156,8 @@ class ControlSocket:
     def _turn(self, seconds: float) -> None:
         """Wait so long for something to happen, and do what is due."""
         for key, mask in self._selector.select(None if seconds == float("inf") else seconds):
-            if key.fileobj is self._listener:
-                self._accept()
+            if key.data is LISTENER and isinstance(key.fileobj, socket.socket):
+                self._accept(key.fileobj)
             elif key.fileobj is self._waker:
                 self._drain()
             elif mask & selectors.EVENT_WRITE:
@@ -169,9 +166,7 @@ class ControlSocket:
                 self._hear(key.data)
         now = self._clock.now()
         self._wheels.check(now)
-        if now >= self._listens_at and self._listener is not None:
-            self._listens_at = inf
-            self._selector.register(self._listener, selectors.EVENT_READ)
+        self._endpoint.turn(now)
         if now >= self._audience.due:
             self._audience.tell()
         self._audience.show(now)
@@ -195,15 +190,15 @@ class ControlSocket:
                 pass
         self._audience.hurry()
 
-    def _accept(self) -> None:
-        if self._listener is None:
-            return
+    def _accept(self, listener: socket.socket) -> None:
         try:
-            connection, _ = self._listener.accept()
+            connection, address = listener.accept()
         except OSError as error:
             if error.errno in (errno.EMFILE, errno.ENFILE) and not self._make_room():
-                self._selector.unregister(self._listener)  # it would be ready again and again
-                self._listens_at = self._clock.now() + BREATH
+                self._endpoint.rest(listener, self._clock.now())  # it would be ready again and again
+            return
+        if self._endpoint.is_probe(address) or sockets.peer_of(connection)[1] not in (0, os.geteuid()):
+            connection.close()
             return
         if len(self._clients) >= MOST_CLIENTS and not self._make_room():
             connection.close()

@@ -215,9 +215,7 @@ class Doing:
         """Do a command."""
         match command:
             case Stop():
-                parts = self._latch.stop(command.by or SOMEBODY, command.press)
-                self._wheels.stop()
-                return {"parts": parts, "stops": self._latch.number}
+                return self._stop(command)
             case Drive() | Look():
                 self._steer(key, command)
             case Fault():
@@ -235,6 +233,13 @@ class Doing:
             case _:
                 self._do_to_mission(command)
         return None
+
+    def _stop(self, command: Stop) -> Mapping[str, object]:
+        """Latch all, and return which parts have been told, and which are missing: they may move on."""
+        parts = self._latch.stop(command.by or SOMEBODY, command.press)
+        self._wheels.stop()
+        missing = [part for part in self._latch.parts if part not in parts]
+        return {"parts": parts, "stops": self._latch.number, **({"missing": missing} if missing else {})}
 
     def _do_to_mission(self, command: Command) -> None:
         executive = self._executive

@@ -2,15 +2,17 @@
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable, Mapping
-from contextlib import suppress
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import partial
+from math import inf
 from typing import Any, Self
 
-from missions.studio import sockets
+from drivers.clock import Clock, SystemClock
 from missions.studio.form import BadMessage
-from missions.studio.holders import Holder, commands
 from missions.studio.link import Link
+from missions.studio.searching import Found, Search, may_live, search
+from missions.studio.spare import SpareDescriptors
+from missions.studio.stopping import GONE, STOP_TRIES, stop_one
 from missions.studio.watching import Watching
 
 PERIOD = 0.25
@@ -19,6 +21,12 @@ PERIOD = 0.25
 ENDING = 0.7
 """Seconds for which the answer to a stop waits for commands to end, which a page waits for a second for."""
 
+
+RETRY_INTERVAL = 2.0
+"""Seconds after which a run that was not reached is tried again."""
+
+UNKNOWN = "unknown"
+"""What stands for a run where it is not known whether there is one."""
 
 PRESSES = 3
 """Presses that wait for one run, and are told it each by itself; all further ones are one more stop."""
@@ -30,17 +38,22 @@ class Hub:
     ``changed`` is called whenever a run has come, has gone, is stopped or released; it must return at once.
     """
 
-    def __init__(self, changed: Callable[[], None]) -> None:
-        self._changed = changed
+    def __init__(self, changed: Callable[[], None], *, clock: Clock | None = None) -> None:
+        self._changed, self._clock = changed, clock or SystemClock()
         self._links: dict[str, Link] = {}
         self._watched: dict[str, Watching] = {}
-        self._troubles: dict[str, str] = {}
+        self._troubles: dict[str, tuple[str, float]] = {}  # by run: why it is not reached, and when that was tried
+        self._doubts: list[str] = []
         self._tasks: set[asyncio.Task[None]] = set()
         self._looking = asyncio.Lock()
+        self._next_look: asyncio.Task[None] | None = None
+        self._next_search: asyncio.Task[Search] | None = None
         self._following: dict[Link, tuple[asyncio.Task[Mapping[str, object]], list[str]]] = {}
-        self._ending: dict[Holder, asyncio.Task[bool]] = {}
+        self._asking: dict[object, asyncio.Task[Mapping[str, object]]] = {}
+        self._spare = SpareDescriptors(0)
 
     async def __aenter__(self) -> Self:
+        self._spare = SpareDescriptors()
         self._begin(self._look_on())
         return self
 
@@ -50,47 +63,102 @@ class Hub:
         await asyncio.gather(*self._tasks, return_exceptions=True)
         await asyncio.gather(*(each.close() for each in self._links.values()))
         await asyncio.gather(*(each.close() for each in self._watched.values()))
+        self._spare.close()
 
     def runs(self) -> list[Mapping[str, object]]:
         """Return what there is, as `runs` tells it: the newest first."""
         found = [{name: value for name, value in link.about.items() if name != "say"} for link in self._links.values()]
         found.sort(key=lambda about: float(about.get("began", 0.0)), reverse=True)
-        return [*found, *({"run": run, "trouble": why} for run, why in self._troubles.items())]
+        troubles = [{"run": run, "trouble": why} for run, (why, _) in self._troubles.items()]
+        return [*found, *troubles, *({"run": UNKNOWN, "trouble": why} for why in self._doubts)]
 
     async def look(self) -> None:
-        """Look for runs that have come."""
+        """Look for runs that have come. Those who ask while another look goes on share the next one."""
+        if self._next_look is None:
+            self._next_look = asyncio.ensure_future(self._look_next())
+        await asyncio.shield(self._next_look)
+
+    async def _look_next(self) -> None:
         async with self._looking:
-            paths = {sockets.run_of(path): path for path in sockets.sockets()}
-            new = [run for run in paths if run not in self._links and run not in self._troubles]
-            self._troubles = {run: why for run, why in self._troubles.items() if run in paths}
-            for run in new:
-                try:
-                    self._links[run] = link = await Link.open(paths[run], self._heard)
-                except TimeoutError:
-                    self._troubles[run] = "it does not answer"
-                except (OSError, ValueError):
-                    continue
-                else:
-                    self._begin(self._attend(run, link))
-            if new:
+            self._next_look = None
+            found = await asyncio.to_thread(search)
+            before = self._troubles, self._doubts, [*self._links]
+            new = [each for each in found.found if not each.is_command and not self._is_linked(each)]
+            why = await asyncio.gather(*(self._open(each) for each in new))
+            self._troubles = {each.run: trouble for each, trouble in zip(new, why, strict=True) if trouble[0]}
+            self._doubts = [each.words for each in found.doubts]
+            if before != (self._troubles, self._doubts, [*self._links]):
                 self._changed()
+
+    def _is_linked(self, found: Found) -> bool:
+        return any(
+            found.run == run.partition("@")[0]
+            and (link.where in found.addresses or (found.identity is not None and link.identity == found.identity))
+            for run, link in self._links.items()
+        )
+
+    async def _open(self, found: Found) -> tuple[str, float]:
+        """Connect to a run; return why that was not possible, empty where it was, and when it was tried."""
+        why, tried = self._troubles.get(found.run, ("", -inf))
+        if self._clock.now() - tried < RETRY_INTERVAL:
+            return why, tried
+        why, is_gone, now = "it has no socket", True, self._clock.now()
+        for where in found.addresses:
+            try:
+                link = await Link.open(where, self._heard)
+            except (OSError, ValueError) as error:
+                why = "it does not answer" if isinstance(error, TimeoutError) else str(error)
+                is_gone = is_gone and isinstance(error, GONE)
+            else:
+                run = found.run if found.run not in self._links else f"{found.run}@{where}"[:64]
+                self._links[run] = link
+                self._begin(self._attend(run, link))
+                return "", now
+        if is_gone and not await asyncio.to_thread(may_live, found):
+            return "", now  # it was killed, or has ended meanwhile
+        return why, now
 
     async def stop(self, run: str, by: str, press: str = "") -> Mapping[str, object]:
         """Stop a run, or all for no name; return what was latched, by run. Raises BadMessage for one not there.
 
         Who stops all ends the commands that hold a robot and have no control socket, too: teleop, and those of heads.
+        A run that is not reached gets SIGTERM. What could not be looked at is told as the trouble of `UNKNOWN`.
         """
-        if run and run not in self._links:
-            await self.look()
-            self.known(run)
-        if run:
+        if run in self._links:
             return await self._stop_these({run: self._links[run]}, by, press)
-        links = dict(self._links)
-        ended = asyncio.ensure_future(self._end_commands(by))
-        told = await self._stop_these(links, by, press)
-        await self.look()  # one that has come meanwhile, too
-        new = {run: link for run, link in self._links.items() if links.get(run) is not link}
-        return {**told, **await self._stop_these(new, by, press), **await ended}
+        with self._spare.lent():
+            links = {} if run else dict(self._links)
+            stopping = asyncio.ensure_future(self._stop_these(links, by, press))
+            found = await self._searched()
+            others = [each for each in found.found if not self._is_linked(each) and (not run or each.run == run)]
+            if run and not others:
+                await self.look()
+                self.known(run)
+            told = await self._ask_these(others, by)
+            told |= await stopping
+            if lost := [name for name, link in links.items() if "trouble" in told[name] and link.closed.is_set()]:
+                told |= await self._ask_lost(lost, links, by)
+        if found.doubts and not run:
+            told[UNKNOWN] = {"trouble": "\n".join(each.words for each in found.doubts)}
+        return told
+
+    async def _searched(self) -> Search:
+        """Return what is there now. Those who ask in the same moment share a search."""
+        if self._next_search is None:
+            self._next_search = asyncio.ensure_future(self._search_next())
+        return await asyncio.shield(self._next_search)
+
+    async def _search_next(self) -> Search:
+        self._next_search = None
+        return await asyncio.to_thread(search)
+
+    async def _ask_lost(self, lost: list[str], links: Mapping[str, Link], by: str) -> dict[str, Mapping[str, object]]:
+        """Ask runs again whose connection has ended while they were stopped; those that have ended are at rest."""
+        found = await self._searched()
+        known = {links[run].identity for run in lost}
+        told = await self._ask_these([each for each in found.found if each.identity in known], by)
+        ended = {run: {"ended": f"{run}: has ended"} for run in lost if run not in told and not found.doubts}
+        return {**told, **{run: each for run, each in ended.items() if has_ended(links[run])}}
 
     async def _stop_these(self, links: Mapping[str, Link], by: str, press: str) -> dict[str, Mapping[str, object]]:
         told = await asyncio.gather(*(self._stop(link, by, press) for link in links.values()))
@@ -119,20 +187,21 @@ class Hub:
                     break
             return told
 
-    async def _end_commands(self, by: str) -> dict[str, Mapping[str, object]]:
-        """End them, each once, however many ask for it; return what became of each, by its process."""
-        held = commands()
-        for each in held:
-            if each not in self._ending:
-                self._ending[each] = task = asyncio.ensure_future(asyncio.to_thread(each.end, by))
-                task.add_done_callback(partial(self._ended, each))
-        ending = {each: self._ending[each] for each in held}
-        if ending:
-            await asyncio.wait(ending.values(), timeout=ENDING)
-        return {str(each.process): _end_of(each, task) for each, task in ending.items()}
+    async def _ask_these(self, others: Sequence[Found], by: str) -> dict[str, Mapping[str, object]]:
+        """Stop what there is no connection to, each once, however many ask for it; return what came of each."""
+        asking = {}
+        for each in others:
+            if (key := each.key) not in self._asking:
+                self._asking[key] = task = asyncio.ensure_future(asyncio.to_thread(stop_one, each, by))
+                task.add_done_callback(partial(self._asked, key))
+            asking[each] = self._asking[key]
+        if asking:
+            await asyncio.wait(asking.values(), timeout=ENDING)
+        told = {each.run: _came_of(each, task) for each, task in asking.items()}
+        return {run: result for run, result in told.items() if result}
 
-    def _ended(self, holder: Holder, _: asyncio.Task[bool]) -> None:
-        del self._ending[holder]
+    def _asked(self, key: object, _: asyncio.Task[Mapping[str, object]]) -> None:
+        del self._asking[key]
 
     def known(self, run: str) -> Mapping[str, object]:
         """Return what is known of a run. Raises BadMessage for one that is not there."""
@@ -157,8 +226,11 @@ class Hub:
 
     async def _look_on(self) -> None:
         while True:
-            with suppress(OSError):
+            try:
                 await self.look()
+            except Exception as error:  # whatever it is, it is told, and the next look may do better
+                self._doubts = [f"the studio cannot look for runs: {type(error).__name__}: {error}"]
+                self._changed()
             await asyncio.sleep(PERIOD)
 
     async def _heard(self, line: bytes) -> None:
@@ -182,23 +254,38 @@ class Hub:
         task.add_done_callback(self._tasks.discard)
 
 
-def _end_of(holder: Holder, task: asyncio.Task[bool]) -> Mapping[str, object]:
-    """Return what is told of a command that was to end."""
-    if task.done() and not task.exception() and task.result():
-        return {"ended": holder.words}
-    return {
-        "trouble": f"{holder.words}: SIGTERM was sent, and it has not ended yet; `kill -9 {holder.process}` ends it"
-    }
+def _came_of(found: Found, task: asyncio.Task[Mapping[str, object]]) -> Mapping[str, object]:
+    """Return what is told of what was stopped without a connection; nothing where it had gone."""
+    if not task.done():
+        more = f"SIGTERM was sent, and it has not ended yet; `kill -9 {found.run.partition('-')[0]}` ends it"
+        return {"trouble": f"{found.words}: {more if found.is_command else 'it has not answered yet'}"}
+    error = task.exception()
+    return task.result() if error is None else {"trouble": f"{found.words}: {type(error).__name__}: {error}"}
 
 
 async def _stop(link: Link, by: str, press: str) -> Mapping[str, object]:
     """Stop one run; where it does not answer, end it by a signal."""
+    for _ in range(STOP_TRIES):
+        try:
+            answer = await link.ask({"do": "stop", "by": by, "press": press})
+        except TimeoutError:
+            try:
+                link.terminate()
+            except OSError as error:
+                return {"trouble": f"it does not answer, and SIGTERM could not be sent: {error}"}
+            return {"trouble": "it does not answer: SIGTERM was sent, which ends it"}
+        except ConnectionError as error:
+            return {"trouble": str(error)}
+        result: Mapping[str, object] = answer.get("result") or {"trouble": str(answer.get("message", ""))}
+        if not result.get("missing"):
+            return result
+    missing = ", ".join(map(str, result["missing"])) if isinstance(result["missing"], list) else ""
+    return {**result, "trouble": f"perhaps not stopped: {missing}"}
+
+
+def has_ended(link: Link) -> bool:
+    """Return whether the process at the other end has ended, as far as that is known."""
     try:
-        answer = await link.ask({"do": "stop", "by": by, "press": press})
-    except TimeoutError:
-        link.terminate()
-        return {"trouble": "it does not answer: SIGTERM was sent, which ends it"}
-    except ConnectionError as error:
-        return {"trouble": str(error)}
-    result: Mapping[str, object] = answer.get("result") or {"trouble": str(answer.get("message", ""))}
-    return result
+        return link.identity is not None and not link.identity.lives()
+    except OSError:
+        return False

@@ -8,9 +8,9 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from typing import IO
 
-from missions.studio import sockets
 from missions.studio.form import BadMessage
 from missions.studio.ring import SWITCH
+from missions.studio.searching import is_listed
 from missions.studio.wishes import AddTask, Start
 
 BEGIN_TIME = 60.0
@@ -81,7 +81,7 @@ class Launcher:
         run = str(process.pid)
         for _ in range(int(BEGIN_TIME / PERIOD)):
             self._check_unstopped(stops, process)
-            if process.poll() in RAN or sockets.path_of(run).exists():
+            if process.poll() in RAN or is_listed(run):
                 told = (self._ended.get(run) or _last(said)).splitlines()
                 return {"run": run, "message": "\n".join(line for line in told if line.startswith("mission: "))}
             if process.poll() is not None:

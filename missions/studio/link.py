@@ -3,14 +3,13 @@
 import asyncio
 import itertools
 import json
-import os
-import signal
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
-from pathlib import Path
 from typing import Any, Self
 
 from missions.studio import sockets
+from missions.studio.processes import ProcessIdentity, identity_of
+from missions.studio.searching import addresses_of
 from missions.studio.sockets import LARGEST, PATIENCE
 
 OnLine = Callable[[bytes], Awaitable[None]]
@@ -41,7 +40,9 @@ class Link:
     ) -> None:
         self._reader, self._writer, self._on_line, self._on_closed = reader, writer, on_line, on_closed
         self.about: Mapping[str, Any] = {}
-        self.process = sockets.process_of(writer.get_extra_info("socket"))
+        self.process, self.uid = sockets.peer_of(writer.get_extra_info("socket"))
+        self.where: sockets.Address = ""
+        self.identity: ProcessIdentity | None = None
         self.closed = asyncio.Event()
         self.stopping = asyncio.Lock()
         self._numbers = itertools.count(-1, -1)  # below all that clients give
@@ -49,13 +50,16 @@ class Link:
         self._task: asyncio.Task[None] | None = None
 
     @classmethod
-    async def open(cls, path: Path, on_line: OnLine = ignore, on_closed: Callable[[], None] = nothing) -> Self:
-        """Connect to the run at ``path``. Raises OSError; TimeoutError where it does not answer."""
-        plain = await asyncio.to_thread(sockets.connect, path)
+    async def open(
+        cls, where: sockets.Address, on_line: OnLine = ignore, on_closed: Callable[[], None] = nothing
+    ) -> Self:
+        """Connect to the run at ``where``. Raises OSError; TimeoutError where it does not answer."""
+        plain = await asyncio.to_thread(sockets.connect, where)
         plain.setblocking(False)
         reader, writer = await asyncio.open_unix_connection(sock=plain, limit=LARGEST)
         link = cls(reader, writer, on_line, on_closed)
         try:
+            link.where, link.identity = where, identity_of(link.process)
             async with asyncio.timeout(PATIENCE):
                 link.about = json.loads(await reader.readline() or b"{}")
         except BaseException:
@@ -63,6 +67,17 @@ class Link:
             raise
         link._task = asyncio.create_task(link._read())
         return link
+
+    @classmethod
+    async def to(cls, run: str, on_line: OnLine = ignore, on_closed: Callable[[], None] = nothing) -> Self:
+        """Connect to a run, wherever it may answer. Raises OSError."""
+        error: OSError = ConnectionRefusedError(f"run {run} has no control socket")
+        for where in await asyncio.to_thread(addresses_of, run):
+            try:
+                return await cls.open(where, on_line, on_closed)
+            except OSError as found:
+                error = found
+        raise error
 
     def send(self, command: Mapping[str, object]) -> None:
         """Send a command; its answer comes as a line."""
@@ -86,9 +101,10 @@ class Link:
         return self._writer.transport.get_write_buffer_size()
 
     def terminate(self) -> None:
-        """Send the run the signal that its watchdog hears, whatever hangs."""
-        with suppress(ProcessLookupError):
-            os.kill(self.process, signal.SIGTERM)
+        """Send the run the signal that its watchdog hears, whatever hangs. Raises OSError where that cannot be."""
+        if self.identity is None:
+            raise OSError("its process is not seen from here")
+        self.identity.terminate()
 
     async def close(self) -> None:
         """Hang up: what was driven by this connection stands."""

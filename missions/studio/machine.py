@@ -3,16 +3,15 @@
 from collections.abc import Mapping
 from contextlib import suppress
 from math import isfinite
-from pathlib import Path
 from threading import Event, Lock, Thread
 from types import TracebackType
 from typing import Any, Self
 
 from drivers.clock import Clock, SystemClock
 from missions.service.fleet.body import Telemetry
-from missions.studio import sockets
+from missions.studio.searching import Found, search
 from missions.studio.sockets import RunLink
-from missions.studio.stopping import Said, ask_all
+from missions.studio.stopping import Said, ask_all, stop_one
 
 PERIOD = 0.5
 """Seconds from one look at the runs to the next; while a stop is latched, ``GLANCE``."""
@@ -31,12 +30,12 @@ class Machine:
 
     def __init__(self, *, clock: Clock | None = None) -> None:
         self._clock = clock or SystemClock()
-        self._links: dict[Path, RunLink] = {}
+        self._links: dict[object, RunLink] = {}
         self._state: dict[str, Any] = {}
         self._at: float | None = None
         self._mission, self._runs = "", False
         self._stopped_by = ""
-        self._seen: set[Path] = set()
+        self._stopped: set[object] = set()  # and what is being stopped
         self._lock, self._over = Lock(), Event()
         self._thread = Thread(target=self._follow, name="runs", daemon=True)
 
@@ -74,62 +73,76 @@ class Machine:
     def stop(self, by: str) -> tuple[bool, str]:
         """See Body."""
         by = f"{FLEET}{by}"
-        self._seen = set(sockets.sockets())
+        found = search()
+        self._stopped = {each.key for each in found.found}
         self._stopped_by = by
         said: list[Said] = []
-        work = Thread(target=lambda: said.append(ask_all([{"do": "stop"}], by)), name="stop", daemon=True)
-        work.start()
-        work.join(TOLD)
+
+        def work() -> None:
+            said.append(ask_all([{"do": "stop"}], by, found=found))
+            self._stopped -= {each.key for each, (good, _) in said[0].items() if isinstance(each, Found) and not good}
+
+        thread = Thread(target=work, name="stop", daemon=True)
+        thread.start()
+        thread.join(TOLD)
         if not said:
             return False, "what runs has not answered yet; it is being ended"
         return _summed(said[0]) if said[0] else (True, "stopped; nothing runs")
 
+    def _stop_new(self, found: Found, by: str) -> None:
+        """Stop what has begun meanwhile, or was not reached; what somebody releases at the robot stays released."""
+        if "trouble" in stop_one(found, by):
+            self._stopped.discard(found.key)
+
     def release(self, by: str, *, resume: bool) -> tuple[bool, str]:
         """See Body."""
         self._stopped_by = ""
-        stopped = [path for path in sockets.sockets() if _stopped_by_fleet(path)]
-        said = ask_all([{"do": "release"}, *([{"do": "resume"}] if resume else [])], f"{FLEET}{by}", only=stopped)
+        commands = [{"do": "release"}, *([{"do": "resume"}] if resume else [])]
+        said = ask_all(commands, f"{FLEET}{by}", only=_is_stopped_by_fleet)
         return _summed(said) if said else (True, "released; nothing runs")
 
     # --- the thread -------------------------------------------------------------------------------------------------
 
     def _follow(self) -> None:
         while not self._over.wait(GLANCE if self._stopped_by else PERIOD):
-            found = sockets.sockets()
-            if self._stopped_by and (new := [path for path in found if path not in self._seen]):
-                self._seen.update(new)
-                ask_all([{"do": "stop"}], self._stopped_by, only=new)  # what begins meanwhile stands still too
-            for path in found:
-                if path not in self._links:
-                    self._connect(path)
-            for path in list(self._links):
-                self._read(path)
+            found = search().found
+            for each in found if self._stopped_by else ():
+                if each.key not in self._stopped:  # what begins meanwhile stands still too
+                    self._stopped.add(each.key)
+                    Thread(target=self._stop_new, args=(each, self._stopped_by), name="stop", daemon=True).start()
+            for each in found:
+                if each.key not in self._links and not each.is_command:
+                    self._connect(each)
+            for key in list(self._links):
+                self._read(key)
             with self._lock:
                 self._runs = bool(self._links)
 
-    def _connect(self, path: Path) -> None:
-        with suppress(OSError, ValueError):
-            link = RunLink.open(path)
-            if not link.told:
-                link.close()
+    def _connect(self, found: Found) -> None:
+        for where in found.addresses:
+            with suppress(OSError, ValueError):  # a stop asks each run by itself: this is only for what is shown
+                link = RunLink.open(where)
+                if not link.told:
+                    link.close()
+                    continue
+                link.connection.sendall(b'{"do": "watch"}\n')
+                link.connection.setblocking(False)
+                self._links[found.key] = link
+                with self._lock:
+                    self._mission, self._state = str(link.told.get("mission", ""))[:100], {}
                 return
-            link.connection.sendall(b'{"do": "watch"}\n')
-            link.connection.setblocking(False)
-            self._links[path] = link
-            with self._lock:
-                self._mission, self._state = str(link.told.get("mission", ""))[:100], {}
 
-    def _read(self, path: Path) -> None:
+    def _read(self, key: object) -> None:
         """Take in what a run has told since."""
         try:
             while True:
-                told = self._links[path].hear()
+                told = self._links[key].hear()
                 if told.get("say") in ("state", "scene"):
                     self._take(told.get("state", told))
         except BlockingIOError:
             return
         except (OSError, ValueError):
-            self._links.pop(path).close()
+            self._links.pop(key).close()
 
     def _take(self, state: Mapping[str, Any]) -> None:
         kept = {name: state[name] for name in ("parts", "pose", "paused", "stopped") if name in state}
@@ -137,10 +150,9 @@ class Machine:
             self._state, self._at = self._state | kept, self._clock.now()
 
 
-def _stopped_by_fleet(path: Path) -> bool:
-    with suppress(OSError, ValueError), sockets.linked(path) as link:
-        return str(link.told.get("stopped", "")).startswith(f"stopped by {FLEET}")
-    return False
+def _is_stopped_by_fleet(told: Mapping[str, Any]) -> bool:
+    """Return whether a run tells that its fleet has stopped it."""
+    return str(told.get("stopped", "")).startswith(f"stopped by {FLEET}")
 
 
 def _battery(state: Mapping[str, Any]) -> float | None:

@@ -8,7 +8,6 @@ from typing import Any
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from drivers.clock import Clock, SystemClock
-from missions.studio import sockets
 from missions.studio.commands import KEY, Command, OfRun, Role, Seen, Stop, Watch
 from missions.studio.form import BadMessage, written
 from missions.studio.link import Link
@@ -229,7 +228,7 @@ class Session:
                 await self._send(line.decode())
 
         try:
-            link = self._links[run] = await Link.open(sockets.path_of(run), answered)
+            link = self._links[run] = await Link.to(run, answered)
         except (OSError, ValueError) as error:  # a TimeoutError is an OSError
             raise BadMessage("no_answer", f"run {run} does not answer: {error}") from error
         return link

@@ -1,7 +1,7 @@
 """The control sockets of the runs of this user: where they are, which of them answer, and how to speak to one.
 
-Each run has one, named after its process, in a folder that only its owner may enter. A socket that nobody answers any
-more belongs to a run that was killed; who finds it takes it away.
+Each run has one in a folder that only its owner may enter, named after its process, and an abstract one besides. A
+socket that nobody answers any more belongs to a run that was killed; who finds it takes it away.
 """
 
 import json
@@ -16,7 +16,7 @@ from typing import Any, Self
 
 from drivers.api.quick import dataclass
 from drivers.clock import Clock, SystemClock
-from missions.library.folders import runtime_folder
+from missions.studio.places import places
 
 ENDING = ".sock"
 
@@ -33,16 +33,19 @@ LARGEST = 1 << 24
 """Bytes of a message of a run, at most."""
 
 
+Address = Path | str
+"""Where a socket is: a file, or an abstract address that begins with "@"."""
+
+
 def socket_folder() -> Path:
-    """Return the folder of the sockets; it is made where it is not there. Raises OSError where it is another's."""
-    folder = runtime_folder() / "runs"
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    found = folder.stat()
-    if found.st_uid != os.geteuid():
-        raise PermissionError(f"{folder} belongs to another user")
-    if found.st_mode & 0o077:
-        folder.chmod(0o700)
-    return folder
+    """Return the folder for the sockets of new runs; it is created. Raises OSError where none can be used."""
+    errors = list[OSError]()
+    for place in places():
+        try:
+            return place.prepare()
+        except OSError as error:
+            errors.append(error)
+    raise errors[0] if errors else OSError("neither HOME nor XDG_RUNTIME_DIR says where sockets can be")
 
 
 _here: set[str] = set()
@@ -54,8 +57,21 @@ def new_run() -> str:
     process = os.getpid()
     names = (f"{process}{more}" for more in ("", *(f"-{number}" for number in range(2, 1000))))
     with _lock:
-        _here.add(found := next(name for name in names if name not in _here))
+        _here.add(found := next(name for name in names if name not in _here and not _is_answered(name)))
     return found
+
+
+def _is_answered(run: str) -> bool:
+    """Return whether a run of this name is there already: of a container with the same folders and numbers."""
+    for place in places():
+        path = place.folder / f"{run}{ENDING}"
+        try:
+            if path.exists():
+                connect(path).close()
+                return True
+        except OSError:
+            continue  # nobody answers there
+    return False
 
 
 def forget_run(run: str) -> None:
@@ -79,8 +95,12 @@ def path_of(run: str) -> Path:
 
 
 @contextmanager
-def address(path: Path) -> Iterator[str]:
+def address(where: Address) -> Iterator[str]:
     """Give what to bind or connect a socket to: a path that is too long is shortened by way of its folder."""
+    if isinstance(where, str) and where.startswith("@"):
+        yield f"\0{where[1:]}"
+        return
+    path = Path(where)
     if len(os.fsencode(path)) <= LONGEST_PATH:
         yield str(path)
         return
@@ -112,24 +132,18 @@ def listen(path: Path) -> socket.socket:
     return found
 
 
-def sockets() -> list[Path]:
-    """Return the sockets that there are, in no order."""
-    with suppress(OSError):
-        return [each for each in socket_folder().iterdir() if each.name.endswith(ENDING)]
-    return []
-
-
-def connect(path: Path) -> socket.socket:
+def connect(where: Address) -> socket.socket:
     """Return a socket that is connected to a run. Raises OSError; a socket of a process that is gone is taken away."""
     found = socket.socket(socket.AF_UNIX)
     try:
         found.settimeout(PATIENCE)
-        with address(path) as where:
-            found.connect(where)
+        with address(where) as target:
+            found.connect(target)
+        if isinstance(where, str) and os.geteuid() not in (0, peer_of(found)[1]):
+            raise PermissionError(f"{where} is a socket of another user")  # who has given it this name
     except ConnectionRefusedError:
         found.close()
-        if not _lives(run_of(path)):
-            path.unlink(missing_ok=True)
+        _remove_if_left(where)
         raise
     except BaseException:
         found.close()
@@ -137,39 +151,55 @@ def connect(path: Path) -> socket.socket:
     return found
 
 
-def _lives(run: str) -> bool:
-    """Say whether the process of a run is there: another one may have its number by now, and begin to listen."""
+def _remove_if_left(where: Address) -> None:
+    """Remove the socket file of a process that is gone, if this user put it there."""
+    if isinstance(where, str) or where.parent.stat().st_uid != os.geteuid():
+        return
+    with suppress(ValueError):  # it is not named after a process
+        if not is_there(process_in(run_of(where))):
+            where.unlink(missing_ok=True)
+
+
+def is_there(process: int) -> bool:
+    """Return whether there is a process of this number: another one may have it by now."""
     try:
-        os.kill(process_in(run), 0)
+        os.kill(process, 0)
     except PermissionError:
         return True
-    except (ProcessLookupError, ValueError, OverflowError):
+    except (ProcessLookupError, OverflowError):
         return False
     return True
 
 
-def process_of(connection: socket.socket) -> int:
-    """Return the number of the process at the other end, as the kernel knows it."""
+def peer_of(connection: socket.socket) -> tuple[int, int]:
+    """Return the numbers of the process at the other end, and of its user, as the kernel knows them.
+
+    That of a process in a container which is not seen from here is 0.
+    """
     told = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
-    pid, _, _ = struct.unpack("3i", told)
-    return int(pid)
+    pid, uid, _ = struct.unpack("3i", told)
+    return int(pid), int(uid)
 
 
 @dataclass(slots=True)
 class RunLink:
-    """A connection to a run, for one who waits: ``mission stop``. ``told`` is the first message of the run."""
+    """A connection to a run, for one who waits: ``mission stop``. ``told`` is the first message of the run.
+
+    ``process`` and ``uid`` are the process and the user at the other end.
+    """
 
     connection: socket.socket
     process: int
+    uid: int
     told: Mapping[str, Any]
     _heard: bytes = b""
 
     @classmethod
-    def open(cls, path: Path) -> Self:
+    def open(cls, where: Address) -> Self:
         """Connect, and hear what the run is: nothing where it hangs, or has no room. Raises OSError where none is."""
         for left in reversed(range(TRIES)):
-            connection = connect(path)
-            link = cls(connection, process_of(connection), {})
+            connection = connect(where)
+            link = cls(connection, *peer_of(connection), {})
             try:
                 link.told = link.hear()
             except (TimeoutError, ConnectionError) as error:
@@ -212,7 +242,7 @@ class RunLink:
 
 
 @contextmanager
-def linked(path: Path) -> Iterator[RunLink]:
+def linked(where: Address) -> Iterator[RunLink]:
     """Give a connection to a run while this is entered. Raises OSError."""
-    with closing(RunLink.open(path)) as link:
+    with closing(RunLink.open(where)) as link:
         yield link

@@ -1,126 +1,251 @@
-"""Every run of this machine stopped, or released, at once; and each command that moves a robot and is no run ended."""
+"""Every run of this machine stopped, or released, at once; and each command that moves a robot and is no run ended.
 
-import os
-import signal
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from pathlib import Path
-from threading import Thread
+A run counts as stopped once it has answered that all is latched, or once its process has ended. All else is a doubt.
+"""
+
+import secrets
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field
+from threading import Lock, Thread
 from typing import Any
 
+from drivers.api.quick import dataclass
 from missions.studio import sockets
-from missions.studio.holders import END_TIME, Holder, commands, holder_of
-from missions.studio.sockets import linked
+from missions.studio.notes import END_TIME, Holder
+from missions.studio.processes import ProcessIdentity, identity_of
+from missions.studio.searching import Found, Search, is_own, reason_of, search
+from missions.studio.sockets import RunLink
 
 Said = dict[object, tuple[bool, str]]
 """What came of each that was asked: whether it is good, and the words for people."""
 
+Command = Mapping[str, object]
+
+RUN_END_TIME = 7.0
+"""Seconds that a run which does not answer has to end after SIGTERM: its lifeline kills it after 5."""
+
+STOP_TRIES = 3
+"""How often a run is asked to stop of which a part has not heard it: a busy machine may be late by 0.2 s."""
+
+GONE = (ConnectionRefusedError, FileNotFoundError)
+"""Errors of a connection to a socket of which nobody listens any more, or which has been removed."""
+
 
 def ask_all(
-    asked: Sequence[Mapping[str, object]], by: str, which: Sequence[str] = (), *, only: Sequence[Path] | None = None
+    asked: Sequence[Command],
+    by: str,
+    which: Sequence[str] = (),
+    *,
+    found: Search | None = None,
+    only: Callable[[Mapping[str, Any]], bool] = lambda _: True,
 ) -> Said:
     """Ask all runs, or those of ``which``, one thing after another; return what came of it, within a second or so.
 
-    Where a stop is asked for, commands that have no latch are ended too; where nothing is, all are listed. With
-    ``only``, it is the runs of these sockets alone.
+    Where a stop is asked for, commands that have no latch are ended too; where nothing is, all are listed. ``found`` is
+    what a search has found just now; of the runs it is ``only`` those with such a first message. What could not be
+    looked at, and could be meant, is returned as well.
     """
-    released = any(command["do"] in ("release", "resume") for command in asked)
-    # What was ended is not there to be released. Who has no socket is looked for first: a run may get one meanwhile.
-    others = [] if released or only is not None else [each for each in commands() if _meant(each, which)]
-    found = sockets.sockets() if only is None else only
-    said: Said = {}
-    work = [Thread(target=_ask, args=(path, which, asked, by, said)) for path in found]
-    work += [Thread(target=_end, args=(each, by, said), kwargs={"only_list": not asked}) for each in others]
+    found = search() if found is None else found
+    asking = Asking(asked, by, which, only)
+    work = [Thread(target=asking.ask, args=(each,)) for each in found.found]
     for thread in work:  # all at the same time: one that hangs holds up no other
         thread.start()
     for thread in work:
         thread.join()
-    return said
+    if not which or not asking.answered.issuperset(which):
+        asking.said |= {each: (False, each.words) for each in found.doubts}
+    return asking.said
 
 
-def _ask(
-    path: Path,
-    which: Sequence[str],
-    commands: Sequence[Mapping[str, object]],
-    by: str,
-    said: dict[object, tuple[bool, str]],
-) -> None:
-    """Ask a run, if it is meant, to do something, and note what came of it."""
-    run = sockets.run_of(path)
-    about = holder_of(int(run)) if run.isdecimal() else None
-    if about is not None and not _meant(about, which):
-        return
-    with suppress(ConnectionRefusedError, FileNotFoundError), _hung(path, about, commands, said), linked(path) as link:
-        told = link.told
-        if about is None and which and {run, str(link.process), told.get("mission")}.isdisjoint(which):
+@dataclass(slots=True)
+class Asking:
+    """One thing asked of many, from a thread for each. ``said`` is what came of it, ``answered`` the runs that have.
+
+    ``results`` are what runs have answered to a stop.
+    """
+
+    commands: Sequence[Command]
+    by: str
+    which: Sequence[str] = ()
+    only: Callable[[Mapping[str, Any]], bool] = lambda _: True
+    said: Said = field(default_factory=dict)
+    answered: set[str] = field(default_factory=set)
+    results: dict[object, Mapping[str, Any]] = field(default_factory=dict)
+    _press: str = field(default_factory=lambda: secrets.token_hex(8))
+    _claimed: set[object] = field(default_factory=set)
+    _lock: Lock = field(default_factory=Lock)
+
+    @property
+    def _stops(self) -> bool:
+        return any(command["do"] == "stop" for command in self.commands)
+
+    def ask(self, found: Found) -> None:
+        """Ask one, if it is meant, and note what came of it."""
+        if found.is_meant(self.which) is False:
             return
-        if not told and not commands:
+        try:
+            if found.is_command:
+                self._end(found)
+            else:
+                self._ask_run(found)
+        except Exception as error:  # whatever it is: what was not asked is not taken for what was stopped
+            self._doubt(found, f"{found.words}: {type(error).__name__}: {error}")
+
+    def _doubt(self, found: Found, why: str) -> None:
+        """Note that one has perhaps not been stopped, or has not done what was asked."""
+        process = found.run.partition("-")[0]
+        hint = f"if process {process} is there still: kill -9 {process}"
+        if not self._stops:
+            hint = f"mission stop {found.run}  (which ends it)"
+        self.said[found] = False, f"{why}{': perhaps not stopped' * self._stops}\n  try: {hint}"
+
+    def _ask_run(self, found: Found) -> None:
+        """Ask a run at one of its addresses; where it answers at none of them, end its process if it was to stop."""
+        failed = list[OSError | ValueError]()
+        peer: ProcessIdentity | None = None
+        for address in found.addresses:
+            try:
+                with sockets.linked(address) as link:
+                    if isinstance(address, str) and link.uid != found.uid:
+                        continue  # another user has given a socket this name
+                    peer = peer or identity_of(link.process)
+                    self._ask_by(found, link)
+                    return
+            except (OSError, ValueError) as error:
+                failed.append(error)
+        self._has_not_answered(found, failed, peer)
+
+    def _ask_by(self, found: Found, link: RunLink) -> None:
+        """Ask a run by way of a link, if it is meant, and note its answer. Raises OSError where it does not answer."""
+        told = link.told
+        if not told and not self._stops:
             raise TimeoutError("it does not answer")
-        words = [_done(link, command, by) for command in commands]
-        if told:
-            about = Holder(link.process, told["mission"], told["robot"], told["simulated"])
-        name = f"{run}: a run" if about is None else about.words
-        said[path] = all(good for good, _ in words), name + "".join(f": {each}" for _, each in words)
+        if told and not self._is_meant(found, link):
+            return
+        words = [self._done(found, link, command) for command in self.commands]
+        name = found.words if found.holder is not None or not told else _words_of(link)
+        self.said[found] = all(good for good, _ in words), name + "".join(f": {each}" for _, each in words)
+        self.answered.add(found.run)
+
+    def _is_meant(self, found: Found, link: RunLink) -> bool:
+        """Return whether a run is meant that tells what it is, and nobody asks it already by another way."""
+        told = link.told
+        names = {found.run, str(told.get("run")), str(link.process), str(told.get("mission"))}
+        if (self.which and names.isdisjoint(self.which)) or not self.only(told):
+            return False
+        known = link.process, told.get("pid"), told.get("run"), told.get("began")
+        with self._lock:
+            is_new = known not in self._claimed
+            self._claimed.add(known)
+        return is_new
+
+    def _done(self, found: Found, link: RunLink, command: Command) -> tuple[bool, str]:
+        """Have one thing done, and say what came of it. Raises OSError where nobody answers."""
+        if command["do"] == "release":
+            command = {**command, "stop": _last_stop(link)}
+        elif command["do"] == "stop":
+            command = {**command, "press": self._press}
+        for _ in range(STOP_TRIES):
+            answer = link.ask({**command, "by": self.by})
+            if not answer["ok"]:
+                return False, str(answer["message"])
+            result: Mapping[str, Any] = answer.get("result") or {}
+            if not result.get("missing"):
+                break
+        if command["do"] == "stop":
+            self.results[found] = result
+        parts = ", ".join(result.get("parts", ()))
+        if missing := ", ".join(result.get("missing", ())):
+            told = f"perhaps not stopped: {missing} (stopped: {parts or 'nothing'})"
+            return False, f"{told}\n  try: mission stop --end {link.process}, or the robot's own switch"
+        words = {
+            "stop": f"stopped ({parts or 'it has nothing that moves'})",
+            "halt": "is being ended",
+            "release": "released, and paused",
+            "resume": "goes on",
+        }
+        return True, words[str(command["do"])]
+
+    def _has_not_answered(self, found: Found, failed: Sequence[Exception], peer: ProcessIdentity | None) -> None:
+        """Note of a run that does not answer what that means; end its process, if it was to stop."""
+        is_gone = all(isinstance(error, GONE) for error in failed)
+        if is_gone and found.identity is None and found.holder is None:
+            return  # the file of a process that was killed: what lives has a note, or a name, besides
+        why = "; ".join(dict.fromkeys(f"{getattr(each, 'strerror', None) or each}" for each in failed))
+        why = f"hangs ({why or 'it has no socket'})"
+        try:
+            if not found.lives(peer) or (is_gone and not _is_there(found, search())):
+                return  # it has ended meanwhile
+        except OSError as error:
+            self._doubt(found, f"{found.words}: {why}; {reason_of(error)}")
+            return
+        if not self._stops or found.is_meant(self.which) is None:
+            self._doubt(found, f"{found.words}: {why}")
+        else:
+            self._terminate(found, peer, why)
+
+    def _terminate(self, found: Found, peer: ProcessIdentity | None, why: str) -> None:
+        """Send a run that hangs the signal that its watchdog hears, and wait for its end."""
+        identity = found.identity or peer
+        try:
+            found.terminate(peer)
+            if identity is not None and identity.has_ended_within(RUN_END_TIME):
+                self.said[found] = True, f"{found.words}: {why}; SIGTERM was sent, which has ended it"
+                self.answered.add(found.run)
+                return
+        except OSError as error:
+            self._doubt(found, f"{found.words}: {why}; no SIGTERM could be sent: {reason_of(error)}")
+            return
+        self._doubt(found, f"{found.words}: {why}; SIGTERM was sent, and has not ended it within {RUN_END_TIME:g} s")
+
+    def _end(self, found: Found) -> None:
+        """End a command that holds a robot, and note what came of it."""
+        if is_own(found) or any(command["do"] in ("release", "resume") for command in self.commands):
+            return  # what was ended is not there to be released
+        if found.is_meant(self.which) is None:
+            self._doubt(found, f"{found.words}: it is not known which command it is")
+            return
+        if not self.commands:
+            self.said[found] = True, found.words
+            return
+        try:
+            has_ended = found.as_holder().end(self.by)
+        except OSError as error:
+            self._doubt(found, f"{found.words}: could not be ended: {reason_of(error)}")
+            return
+        if has_ended:
+            self.said[found] = True, f"{found.words}: ended, with what it moved at rest"
+            self.answered.add(found.run)
+        else:
+            self._doubt(found, f"{found.words}: hangs (SIGTERM did not end it in {END_TIME:g} s)")
 
 
-@contextmanager
-def _hung(
-    path: Path, about: Holder | None, commands: Sequence[Mapping[str, object]], said: dict[object, tuple[bool, str]]
-) -> Iterator[None]:
-    """Note of a run that does not answer meanwhile what it is and what to type next; end it, if it was to stop."""
-    try:
-        yield
-    except (ConnectionRefusedError, FileNotFoundError):
-        raise  # nobody is there any more
-    except (OSError, ValueError) as error:
-        run = sockets.run_of(path)
-        name = f"{run}: a run" if about is None else about.words
-        next_step = f"`mission stop {run}` ends it"
-        if any(command["do"] == "stop" for command in commands):
-            with suppress(ProcessLookupError, ValueError):
-                os.kill(sockets.process_in(run), signal.SIGTERM)  # which its watchdog hears, whatever hangs
-            next_step = "SIGTERM was sent, which ends it"
-        process = run.partition("-")[0]
-        more = f"if process {process} is there still: kill -9 {process}"
-        said[path] = False, f"{name}: hangs ({error}); {next_step}\n  try: {more}"
+def stop_one(found: Found, by: str) -> Mapping[str, object]:
+    """Stop one run, or end one command; return what is told of it. Nothing where it has gone, or is this process."""
+    asking = Asking([{"do": "stop"}], by)
+    asking.ask(found)
+    result = asking.results.get(found, {})
+    if found not in asking.said:
+        return {}
+    is_good, words = asking.said[found]
+    if not is_good:
+        return {**result, "trouble": words}
+    return result or {"ended": found.words}
 
 
-def _meant(holder: Holder, which: Sequence[str]) -> bool:
-    """Say whether one is among those named: by its number, its name, or the first word of that."""
-    names = {str(holder.process), holder.name, *holder.name.split()[:1]}
-    return not which or not names.isdisjoint(which)
+def _is_there(found: Found, now: Search) -> bool:
+    """Return whether what was found is there still, or that is not known."""
+    return bool(now.doubts) or any(each.run == found.run and each.identity == found.identity for each in now.found)
 
 
-def _end(holder: Holder, by: str, said: dict[object, tuple[bool, str]], *, only_list: bool) -> None:
-    """End a command that holds a robot, and note what came of it."""
-    if only_list:
-        said[holder] = True, holder.words
-    elif holder.end(by):
-        said[holder] = True, f"{holder.words}: ended, with what it moved at rest"
-    else:
-        more = f"if process {holder.process} is there still: kill -9 {holder.process}"
-        said[holder] = False, f"{holder.words}: hangs (SIGTERM did not end it in {END_TIME:g} s)\n  try: {more}"
+def _words_of(link: RunLink) -> str:
+    """Return what a run tells that it is."""
+    told = link.told
+    mission, robot, simulated = (str(told.get(name, "")) for name in ("mission", "robot", "simulated"))
+    return Holder(link.process, mission, robot, simulated, run=str(told.get("run", ""))).words
 
 
-def _done(link: sockets.RunLink, command: Mapping[str, object], by: str) -> tuple[bool, str]:
-    """Have one thing done, and say what came of it. Raises OSError where nobody answers."""
-    if command["do"] == "release":
-        command = {**command, "stop": _last_stop(link)}
-    answer = link.ask({**command, "by": by})
-    if not answer["ok"]:
-        return False, str(answer["message"])
-    result: Mapping[str, Any] = answer.get("result") or {}
-    parts = ", ".join(result.get("parts", ()))
-    words = {
-        "stop": f"stopped ({parts or 'it has nothing that moves'})",
-        "halt": "is being ended",
-        "release": "released, and paused",
-        "resume": "goes on",
-    }
-    return True, words[str(command["do"])]
-
-
-def _last_stop(link: sockets.RunLink) -> int:
+def _last_stop(link: RunLink) -> int:
     """Return the number of the last stop of a run."""
     link.connection.sendall(b'{"do": "watch"}\n')
     while (told := link.hear()).get("say") != "scene":

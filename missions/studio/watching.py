@@ -7,7 +7,6 @@ from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import suppress
 
 from drivers.clock import Clock, SystemClock
-from missions.studio import sockets
 from missions.studio.audience import NOTHING, Waiting
 from missions.studio.commands import Watch
 from missions.studio.form import BadMessage
@@ -76,7 +75,7 @@ class Watching:
             self._next = hearer, command
             try:
                 if self._link is None:
-                    self._link = await Link.open(sockets.path_of(self.run), self._hear, self._closed)
+                    self._link = await Link.to(self.run, self._hear, self._closed)
                     self._over = False
                 await self._ask(self._link, [*(each.watch for each in self._hearers if each is not hearer), command])
             except OSError as error:  # a TimeoutError is one, and a ConnectionError

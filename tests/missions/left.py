@@ -5,7 +5,7 @@ from pathlib import Path
 
 from missions.records.recording.faults import InvalidRecordError
 from missions.records.recording.read import open_record
-from missions.studio.holders import holder_of
+from missions.studio.searching import search
 from missions.studio.sockets import connect, path_of, socket_folder
 from tests.forked import Forked
 
@@ -56,7 +56,7 @@ def files_of(process: int) -> set[str]:
 def left_of(process: Forked) -> list[str]:
     """Return what is left of a run in the folder of all runs, once somebody has looked for it."""
     name = str(process.pid)
-    assert holder_of(process.pid) is None
+    assert all(each.run != name for each in search().found)
     with suppress(OSError), connect(path_of(name)):
         return [f"somebody answers for {name}"]
     return [path.name for path in socket_folder().glob(f"{name}.*")]

@@ -1,11 +1,13 @@
 // STOP: on every view, above everything, for everybody, over a connection of its own.
 
 import { button, el, put, tell } from "./dom.js";
-import { Link, StudioError } from "./link.js";
+import { Link } from "./link.js";
+import { UNKNOWN } from "./watch.js";
 
 const PROTOCOL = "2";
 const AGAIN = 250; // milliseconds from one try to the next, until a stop is answered
-const ANSWER = 1000;
+const ANSWER = 3000; // milliseconds that an answer may take: a run that hangs is waited for
+const DOUBT = "PERHAPS NOT STOPPED";
 const HOLD = 1000; // milliseconds that release is to be held
 const ARMED = 4000; // milliseconds for the second press of who cannot hold
 
@@ -16,6 +18,11 @@ function typing(node) {
   return node instanceof HTMLTextAreaElement || node?.isContentEditable || (node instanceof HTMLInputElement && TYPED.has(node.type));
 }
 
+/** Return why runs are not reached, as `runs` and the answer to a stop tell it; empty where all are. */
+function troubles(runs) {
+  return runs.filter((each) => each.trouble).map(({ run, trouble }) => (run === UNKNOWN ? trouble : `run ${run}: ${trouble}`)).join("\n");
+}
+
 export class Stop extends HTMLElement {
   #main = null;
   // STOP works on a page that is old, too. Two, as one loses a segment now and then, and waits; the main one mostly waits.
@@ -23,6 +30,8 @@ export class Stop extends HTMLElement {
   #watcher = null;
   #latched = new Map(); // by run: who has stopped it, and which stop that is
   #pending = false;
+  #doubt = ""; // why something has perhaps not been stopped
+  #unreached = ""; // why a stop would perhaps not reach something
   #press = "";
   #timer = 0;
   #button = el("button", { type: "button", class: "stop" }, el("span", null, "STOP"), el("small", null, "space bar"));
@@ -73,6 +82,7 @@ export class Stop extends HTMLElement {
   /** Stop every run of this machine, now; tried again until it is answered. */
   stop() {
     this.#pending = true;
+    this.#doubt = "";
     this.#press = `${Date.now()} ${Math.random()}`; // by it, what comes by several ways counts once
     this.dispatchEvent(new Event("stop"));
     this.#show();
@@ -100,9 +110,10 @@ export class Stop extends HTMLElement {
     this.#pending = false;
     clearTimeout(this.#timer);
     for (const [run, found] of Object.entries(stopped)) {
-      if (found.trouble) tell(new StudioError({ message: `Run ${run} did not answer the stop: ${found.trouble}`, hint: "the robot's own switch" }));
-      else if (!found.ended) this.#latch(run, "stopped from this page", found.stops, true);
+      if ("stops" in found) this.#latch(run, "stopped from this page", found.stops, true);
     }
+    const doubts = troubles(Object.entries(stopped).map(([run, found]) => ({ run, ...found })));
+    this.#doubt = doubts && `${DOUBT}: ${doubts}`;
     const ended = Object.values(stopped).flatMap((found) => found.ended ?? []);
     this.#show(ended.length ? `Ended: ${ended.join("; ")}` : Object.keys(stopped).length ? "" : "Nothing runs: there was nothing to stop.");
   }
@@ -110,6 +121,7 @@ export class Stop extends HTMLElement {
   #failed(error) {
     if (error.error === "lost" || error.error === "no_answer" || error.error === "too_many") return; // it is tried again
     this.#pending = false;
+    this.#doubt = `${DOUBT}: ${error.message}`;
     tell(error);
     this.#show();
   }
@@ -117,6 +129,7 @@ export class Stop extends HTMLElement {
   #runs(runs) {
     const there = new Map(runs.map((each) => [each.run, each]));
     for (const run of [...this.#latched.keys()]) if (!there.has(run)) this.#latched.delete(run);
+    this.#unreached = troubles(runs);
     for (const [run, each] of there) if ("stopped" in each) this.#latch(run, each.stopped, each.stops);
     this.#show();
   }
@@ -140,13 +153,16 @@ export class Stop extends HTMLElement {
     const lost = !this.#links.some((link) => link.open);
     let said = text;
     if (this.#pending) said = lost ? "NOT STOPPED: no link to the robot. Use its own switch." : "Stopping…";
+    else if (this.#doubt) said = `${this.#doubt}\nUse the robot's own switch.`;
     else if (this.latched) said = `${[...new Set([...this.#latched.values()].map((each) => this.#who(each.by)))].join("; ")}`;
     else if (lost) said = "No link: STOP does not reach the robot. Use its own switch.";
+    else if (!text && this.#unreached) said = `STOP perhaps does not reach all that runs: ${this.#unreached}`;
     put(this.#said, said);
     this.classList.toggle("is-latched", this.latched);
     document.body.classList.toggle("is-stopped", this.latched);
     this.classList.toggle("is-pending", this.#pending);
     this.classList.toggle("is-lost", lost);
+    this.classList.toggle("is-doubtful", Boolean(this.#doubt) && !this.#pending);
     this.#release.hidden = !this.latched || this.#pending || this.#main?.welcome?.role !== "operator";
     if (text) setTimeout(() => this.#said.textContent === text && put(this.#said, ""), 3000);
   }

@@ -2,6 +2,7 @@
 
 const EMPTY = { changed: {}, variables: {}, parts: [], joints: {}, commands: {}, log: [] };
 const LONGEST_LOG = 500;
+export const UNKNOWN = "unknown"; // stands for a run where it is not known whether there is one
 
 /** Follows one run at a time over a link; tells "runs", "scene", "state", "picture", "over" and "which". */
 export class Watcher extends EventTarget {
@@ -85,10 +86,10 @@ export class Watcher extends EventTarget {
   }
 
   #runs(runs) {
-    this.runs = runs;
-    const there = runs.some((each) => each.run === this.run);
-    if (!there && (this.over || !this.run || !this.scene) && runs.length) this.follow(runs[0].run);
-    this.#tell("runs", runs);
+    this.runs = runs.filter((each) => each.run !== UNKNOWN);
+    const there = this.runs.some((each) => each.run === this.run);
+    if (!there && (this.over || !this.run || !this.scene) && this.runs.length) this.follow(this.runs[0].run);
+    this.#tell("runs", this.runs);
   }
 
   #begin(scene) {

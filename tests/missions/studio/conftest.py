@@ -5,10 +5,17 @@ from contextlib import ExitStack
 
 import pytest
 
+from missions.studio.places import SYSTEM_ROOT
 from tests.missions.studio.serving import Served, studio
 
 RUNTIME = "XDG_RUNTIME_DIR"
 """Where the sockets of runs are: the shared studio sees those of the tests that ask for it, and of no others."""
+
+
+def live_in(runtime: str, patch: pytest.MonkeyPatch) -> None:
+    """Have runs where nobody else looks for them."""
+    patch.setenv(RUNTIME, runtime)
+    patch.setenv(SYSTEM_ROOT, f"{runtime}/system")
 
 
 @pytest.fixture(scope="package")
@@ -17,11 +24,11 @@ def served(homes: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
     del homes
     with ExitStack() as ends:
         with pytest.MonkeyPatch.context() as patch:
-            patch.setenv(RUNTIME, str(tmp_path_factory.mktemp("studio")))
+            live_in(str(tmp_path_factory.mktemp("studio")), patch)
             found = ends.enter_context(studio())
         yield found
         with pytest.MonkeyPatch.context() as patch:
-            patch.setenv(RUNTIME, found.runtime)
+            live_in(found.runtime, patch)
             ends.close()
 
 
@@ -29,4 +36,4 @@ def served(homes: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 def within_sight_of_its_studio(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Have the runs of a test where the studio looks that it shares."""
     if "served" in request.fixturenames:
-        monkeypatch.setenv(RUNTIME, request.getfixturevalue("served").runtime)
+        live_in(request.getfixturevalue("served").runtime, monkeypatch)

@@ -7,8 +7,11 @@ from pathlib import Path
 from select import select
 from typing import Any
 
+import pytest
+
 from drivers.clock import SystemClock
 from missions.studio import sockets
+from missions.studio.places import SYSTEM_ROOT
 from missions.studio.sockets import RunLink
 from tests.missions.command import Process
 from tests.missions.lone_base import LoneBase, lone_base
@@ -131,3 +134,11 @@ def seconds_to_rest(base: LoneBase, since: float) -> float:
     """Wait until a base stands, and return how many seconds after ``since``, by its own clock, it did."""
     wait_until(lambda: not base.seen().moving)
     return base.seen().rest_at - since
+
+
+def nowhere(folder: Path, patch: pytest.MonkeyPatch) -> None:
+    """Leave no folder in which sockets and notes could be: a file is in the way of each."""
+    place = folder / "a file"
+    place.write_text("", encoding="utf-8")
+    for name in ("XDG_RUNTIME_DIR", "XDG_STATE_HOME", SYSTEM_ROOT):
+        patch.setenv(name, str(place))

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import signal
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from http.client import HTTPConnection
@@ -13,7 +12,7 @@ from typing import Any
 from websockets.sync.client import ClientConnection, connect
 
 from missions.studio.messages import VERSION
-from missions.studio.sockets import linked, sockets
+from missions.studio.searching import search
 from tests.missions.command import Process
 
 PATIENCE = 60.0
@@ -121,12 +120,13 @@ class Client:
 @contextmanager
 def studio(*more: str) -> Iterator[Served]:
     """Serve a studio until this is over. The runs that it began, which live on without it, are ended too."""
-    process, before = Process("studio", "--port", "0", "--record", *more), {*sockets()}
+    process, before = Process("studio", "--port", "0", "--record", *more), {each.key for each in search().found}
     try:
         yield Served(process)
     finally:
         process.process.terminate()
         process.end()
-        for path in {*sockets()} - before:
-            with suppress(OSError), linked(path) as run:
-                os.kill(run.process, signal.SIGTERM)
+        for each in search().found:
+            with suppress(OSError):
+                if each.key not in before:
+                    each.terminate(None)

@@ -1,9 +1,11 @@
 """Commands that move a robot, and runs that hang: ``mission stop`` reaches them, and says what they are."""
 
 import asyncio
+import errno
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
@@ -13,12 +15,15 @@ from pathlib import Path
 import click
 import pytest
 
-from missions.studio import holders, sockets
+from missions.studio import abstract, holders, notes, sockets, stopping
+from missions.studio.abstract import AbstractName
 from missions.studio.hub import Hub
+from missions.studio.searching import is_own, search
+from missions.studio.stopping import ask_all
 from tests.missions.command import Process, command
 from tests.missions.hands.teleop.test_teleop_command import driving
 from tests.missions.lone_limbs import LoneLimbs, lone_limbs
-from tests.missions.studio.running import REST, run_of, seconds_to_rest
+from tests.missions.studio.running import REST, nowhere, run_of, seconds_to_rest
 from tests.waiting import wait_until
 
 HEAD = """robot: slow_head
@@ -97,8 +102,9 @@ def test_a_movement_of_the_arm_is_latched_until_it_is_ended(tmp_path: Path, caps
 
 
 def test_a_run_that_hangs_is_known_by_its_name_and_told_with_what_to_type(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(stopping, "RUN_END_TIME", 0.05)
     with run_of(tmp_path) as (process, _):
         number = process.process.pid
         process.process.send_signal(signal.SIGSTOP)
@@ -108,9 +114,8 @@ def test_a_run_that_hangs_is_known_by_its_name_and_told_with_what_to_type(
         assert command(capsys, "stop", "another").err.startswith("no run another")
         told = command(capsys, "stop", "waiting")
         assert (told.code, f"{number}: waiting on turtlebot2: hangs" in told.out) == (1, True)
-        assert (
-            f"SIGTERM was sent, which ends it\n  try: if process {number} is there still: kill -9 {number}" in told.out
-        )
+        assert "SIGTERM was sent, and has not ended it within 0.05 s: perhaps not stopped\n" in told.out
+        assert f"  try: if process {number} is there still: kill -9 {number}\n" in told.out
         process.process.send_signal(signal.SIGCONT)
         assert process.process.wait(20.0) == 130
 
@@ -141,7 +146,7 @@ def deaf(heeds: str = "SIG_IGN") -> Iterator[int]:
 def test_a_command_that_does_not_end_is_told_with_what_to_type(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(holders, "END_TIME", 0.05)
+    monkeypatch.setattr(notes, "END_TIME", 0.05)
     with deaf() as number:
         told = command(capsys, "stop")
         assert told.code == 1
@@ -151,9 +156,9 @@ def test_a_command_that_does_not_end_is_told_with_what_to_type(
 
 def test_the_stop_of_a_page_ends_commands_too_once_for_all_who_ask(monkeypatch: pytest.MonkeyPatch) -> None:
     begun: list[str] = []
-    end = holders.Holder.end
+    end = notes.Holder.end
 
-    def counted(self: holders.Holder, by: str) -> bool:
+    def counted(self: notes.Holder, by: str) -> bool:
         begun.append(by)
         return end(self, by)
 
@@ -161,15 +166,15 @@ def test_the_stop_of_a_page_ends_commands_too_once_for_all_who_ask(monkeypatch: 
         hub = Hub(lambda: None)
         return list(await asyncio.gather(*(hub.stop("", f"viewer {n}") for n in range(50))))
 
-    monkeypatch.setattr(holders.Holder, "end", counted)
+    monkeypatch.setattr(notes.Holder, "end", counted)
     monkeypatch.setattr("missions.studio.hub.ENDING", 20.0)
     with deaf(heeds="SIG_DFL") as number:
         told = asyncio.run(stops())
     assert told == [{str(number): {"ended": f"{number}: teleop on turtlebot2"}}] * 50
     assert begun == ["viewer 0"]
-    monkeypatch.setattr(holders, "END_TIME", 0.05)
+    monkeypatch.setattr(notes, "END_TIME", 0.05)
     with deaf() as number:
-        assert all("has not ended yet" in str(each[str(number)]) for each in asyncio.run(stops()))
+        assert all("perhaps not stopped" in str(each[str(number)]) for each in asyncio.run(stops()))
 
 
 def test_what_a_killed_command_has_left_is_taken_for_nobody() -> None:
@@ -178,29 +183,48 @@ def test_what_a_killed_command_has_left_is_taken_for_nobody() -> None:
     assert list(sockets.socket_folder().glob("*.note"))
     mine = sockets.socket_folder() / f"{os.getpid()}.note"
     mine.write_text(json.dumps({"name": "teleop", "robot": "turtlebot2", "simulated": ""}), encoding="utf-8")
-    assert holders.holders() == []
+    assert search().found == []
     assert list(sockets.socket_folder().glob("*.note")) == []
 
 
-def test_a_command_whose_note_cannot_be_written_goes_on_and_says_so(
+def test_a_command_that_no_stop_reaches_moves_a_robot_only_where_the_user_allows_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    place = tmp_path / "a file"
-    place.write_text("", encoding="utf-8")
-    monkeypatch.setattr(sockets, "socket_folder", lambda: place)
+    nowhere(tmp_path, monkeypatch)
+    monkeypatch.setattr(abstract, "mark", refuse)
     done = []
 
     @click.command()
-    def look() -> None:
-        with holders.holding("turtlebot2", simulated=False):
+    @click.option("--simulated", is_flag=True)
+    def look(simulated: bool) -> None:
+        with holders.holding("turtlebot2", simulated=simulated):
             done.append("looked")
 
+    with pytest.raises(holders.NoStop) as raised:
+        look.main([], standalone_mode=False)
+    assert holders.WITHOUT_STOP in raised.value.hint
+    assert done == []
+    look.main(["--simulated"], standalone_mode=False)
+    monkeypatch.setenv(holders.WITHOUT_STOP, "yes")
     look.main([], standalone_mode=False)
-    assert done == ["looked"]
-    assert "`mission stop` cannot reach this command" in capsys.readouterr().err
+    assert done == ["looked"] * 2
+    assert capsys.readouterr().err.count("`mission stop` cannot reach this command") == 2
+
+
+def refuse(name: AbstractName) -> socket.socket:  # noqa: ARG001 - as the function that it stands for
+    raise OSError(errno.EPERM, "a system that has no abstract sockets")
+
+
+def test_a_command_without_any_folder_is_ended_by_its_abstract_socket(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    nowhere(tmp_path, monkeypatch)
+    with deaf(heeds="SIG_DFL") as number:
+        stopped = command(capsys, "stop")
+    assert (stopped.code, stopped.out) == (0, f"{number}: a command: ended, with what it moved at rest\n")
 
 
 def test_who_stops_all_others_does_not_end_itself() -> None:
     with holders.noted("teleop", "turtlebot2"):
-        assert [each.process for each in holders.holders()] == [os.getpid()]
-        assert holders.commands() == []
+        assert [(each.run, is_own(each)) for each in search().found] == [(str(os.getpid()), True)]
+        assert ask_all([{"do": "stop"}], "a test") == {}

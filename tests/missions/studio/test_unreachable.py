@@ -1,22 +1,58 @@
-"""A run whose control socket cannot be made goes on, and says that it cannot be reached."""
+"""Runs whose control socket cannot be where it usually is: another place does, and without any no robot is moved."""
 
 from pathlib import Path
 
 import pytest
 
-from tests.missions.command import command
+from tests.missions.command import Process, command
+from tests.missions.lone_base import lone_base
+from tests.missions.studio.running import nowhere
+from tests.waiting import wait_until
+
+BRIEF = "mission: brief\ntree:\n  wait: 10 ms\n"
 
 
-def test_a_run_without_a_folder_for_its_socket_says_so_and_goes_on(
+def mission_in(folder: Path, text: str = BRIEF) -> str:
+    path = folder / "brief.yaml"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+def test_a_run_without_a_runtime_folder_has_its_socket_in_the_state_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "missiontree").write_text("no folder", encoding="utf-8")
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    mission = tmp_path / "brief.yaml"
-    mission.write_text("mission: brief\ntree:\n  wait: 10 ms\n", encoding="utf-8")
-    ran = command(capsys, "run", str(mission), "--simulate", "fast")
+    ran = command(capsys, "run", mission_in(tmp_path), "--simulate", "fast")
+    assert (ran.code, ran.err) == (0, "")
+
+
+def test_a_simulated_run_without_any_folder_says_so_and_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    nowhere(tmp_path, monkeypatch)
+    ran = command(capsys, "run", mission_in(tmp_path), "--simulate", "fast")
     assert ran.code == 0
     assert "`mission stop` cannot reach this run" in ran.err
+
+
+def test_a_robot_is_not_moved_where_no_stop_reaches_the_run_unless_the_user_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    nowhere(tmp_path, monkeypatch)
+    with lone_base() as base:
+        words = ["run", mission_in(tmp_path, "mission: brief\ntree:\n  drive: 2 cm\n"), "--robot", "turtlebot2"]
+        words += ["--port", f"base={base.port}"]
+        refused = command(capsys, *words)
+        assert refused.code == 3
+        assert "no note of the run" in refused.err
+        assert "`mission stop` could not stop this, so no robot is moved" in refused.err
+        assert "mission run --without-stop" in refused.err
+        assert base.seen().top == 0.0
+        process = Process(*words, "--without-stop")
+        wait_until(lambda: process.process.poll() is not None)
+        assert process.end() == 0, process.errors
+        assert base.seen().top > 0.0
 
 
 def test_a_path_that_is_too_long_for_a_socket_does_as_well(
@@ -25,8 +61,6 @@ def test_a_path_that_is_too_long_for_a_socket_does_as_well(
     folder = tmp_path / ("x" * 150)
     folder.mkdir()
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
-    mission = tmp_path / "brief.yaml"
-    mission.write_text("mission: brief\ntree:\n  wait: 10 ms\n", encoding="utf-8")
-    ran = command(capsys, "run", str(mission), "--simulate", "fast")
+    ran = command(capsys, "run", mission_in(tmp_path), "--simulate", "fast")
     assert (ran.code, ran.err) == (0, "")
     assert list((folder / "missiontree" / "runs").iterdir()) == []

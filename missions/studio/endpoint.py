@@ -1,0 +1,174 @@
+"""Where a run can be stopped: its listening sockets, and the notes that name them, looked after while it goes on."""
+
+import errno
+import os
+import selectors
+import socket
+from contextlib import suppress
+from pathlib import Path
+
+from drivers.api.quick import dataclass
+from missions.studio import abstract, sockets
+from missions.studio.messages import Run
+from missions.studio.notes import Notes
+from missions.studio.places import places
+
+CHECK_INTERVAL = 1.0
+"""Seconds from one look whether the sockets can be reached to the next."""
+
+BREATH = 0.1
+"""Seconds for which nobody is let in where the process has no descriptor left for one more."""
+
+LISTENER = object()
+"""The data of the sockets among all that the selector waits for."""
+
+BUSY = {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOBUFS, errno.EAGAIN}
+"""Errors of a connection that say nothing of the socket: this process has no descriptor left, or many ask at once."""
+
+
+@dataclass(slots=True)
+class Listener:
+    """A socket that listens at an ``address``; of a file, ``inode`` tells it from one that was put in its place."""
+
+    address: sockets.Address
+    socket: socket.socket
+    inode: int = 0
+
+
+class Endpoint:
+    """The sockets and notes of a run, for one thread, which waits for ``selector``: its key has the data ``LISTENER``.
+
+    ``trouble`` says why no stop can reach the run; empty where one can.
+    """
+
+    def __init__(self, selector: selectors.BaseSelector, of_run: Run) -> None:
+        self.trouble = ""
+        self.due = 0.0
+        """When something is to be done, in seconds of the clock whose time ``turn`` is given."""
+        self._selector, self._of_run = selector, of_run
+        self._notes: Notes | None = None
+        self._file: Listener | None = None
+        self._abstract: Listener | None = None
+        self._registered: list[socket.socket] = []
+        self._probes: set[object] = set()
+        self._errors: list[str] = []
+        self._check_at = 0.0
+
+    @property
+    def listeners(self) -> list[socket.socket]:
+        """Those that there are now."""
+        return [each.socket for each in (self._file, self._abstract) if each is not None]
+
+    def turn(self, now: float) -> None:
+        """Look after sockets and notes, if it is time; and let people in again after a rest."""
+        if now < self.due:
+            return
+        if now >= self._check_at:
+            self._check_at = now + CHECK_INTERVAL
+            self.check()
+        self.due = self._check_at
+        for each in self._registered:
+            with suppress(KeyError, ValueError):  # it is closed, or at rest
+                self._selector.unregister(each)
+        self._registered = self.listeners
+        for each in self._registered:
+            self._selector.register(each, selectors.EVENT_READ, LISTENER)
+
+    def rest(self, listener: socket.socket, now: float) -> None:
+        """Let nobody in for a moment."""
+        self._selector.unregister(listener)
+        self.due = min(self.due, now + BREATH)
+
+    def check(self) -> None:
+        """Listen where no socket can be reached, or not any more, and write the notes that are missing."""
+        self._errors = []
+        self._probes.clear()
+        self._file = self._kept(self._file) or self._listen_in_a_folder()
+        self._abstract = self._kept(self._abstract) or self._listen_by_name()
+        found = [each for each in (self._file, self._abstract) if each is not None]
+        noted = self._note([str(each.address) for each in found])
+        self.trouble = "" if found and noted else "; ".join(self._errors)
+
+    def is_probe(self, peer: object) -> bool:
+        """Return whether a connection that has come from there is this endpoint's own look at itself."""
+        return peer in self._probes
+
+    def close(self) -> None:
+        """Remove sockets and notes."""
+        if self._notes is not None:
+            self._notes.close()  # before the sockets: without those the run would be taken for one that hangs
+        for each in (self._file, self._abstract):
+            if each is not None:
+                if isinstance(each.address, Path):
+                    with suppress(OSError):  # the folder cannot be written any more: nobody answers there
+                        if _inode(each.address) == each.inode:
+                            each.address.unlink(missing_ok=True)
+                each.socket.close()
+        self._file = self._abstract = None
+
+    def _listen_in_a_folder(self) -> Listener | None:
+        """Listen in the first folder that can be used."""
+        for place in places():
+            if place.is_own:
+                path = place.folder / f"{self._of_run.run}{sockets.ENDING}"
+                try:
+                    place.prepare()
+                    found = sockets.listen(path)
+                except OSError as error:
+                    self._errors.append(f"no control socket in {place.folder}: {error.strerror or error}")
+                    continue
+                found.setblocking(False)
+                return Listener(path, found, _inode(path))
+        return None
+
+    def _listen_by_name(self) -> Listener | None:
+        try:
+            name = abstract.name_of(self._of_run.run, "run", simulated=bool(self._of_run.simulated))
+            found = abstract.listen(name)
+        except OSError as error:
+            self._errors.append(f"no abstract control socket: {error.strerror or error}")
+            return None
+        found.setblocking(False)
+        return Listener(name.address, found)
+
+    def _note(self, listening: list[str]) -> bool:
+        """Leave notes of the sockets; return whether there is one."""
+        try:
+            if self._notes is None:
+                about = self._of_run
+                self._notes = Notes(about.run, about.mission, about.robot, about.simulated, is_run=True)
+            self._notes.write(listening)
+        except OSError as error:
+            self._errors.append(f"no note of the run: {error.strerror or error}")
+            return False
+        return True
+
+    def _kept(self, listener: Listener | None) -> Listener | None:
+        """Return a listener that can be reached; else close it."""
+        if listener is None or self._can_be_reached(listener):
+            return listener
+        with suppress(OSError):  # something else may have closed it
+            listener.socket.close()
+        return None
+
+    def _can_be_reached(self, listener: Listener) -> bool:
+        """Return whether who connects to the address of a listener reaches it, as far as that can be seen now."""
+        if isinstance(listener.address, Path) and _inode(listener.address) != listener.inode:
+            return False
+        try:
+            with socket.socket(socket.AF_UNIX) as probe, sockets.address(listener.address) as target:
+                probe.setblocking(False)
+                probe.bind("")  # the kernel gives it a name, by which the connection is known
+                self._probes.add(probe.getsockname())
+                probe.connect(target)
+        except OSError as error:
+            return error.errno in BUSY
+        return True
+
+
+def _inode(path: Path) -> int:
+    """Return the inode at a path; 0 where there is none."""
+    try:
+        return os.stat(path).st_ino  # noqa: PTH116 - once a second, for each run
+    except OSError:
+        return 0

@@ -1,0 +1,131 @@
+"""The folders in which a run of this user can have its control socket and its note, whatever the environment says.
+
+`mission stop` may be typed where other variables are set than where the run began: by cron, a system unit, `su`,
+`docker exec`. So the folders that depend on the environment are looked at, and those that depend on the user alone.
+"""
+
+import os
+import pwd
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from drivers.api.quick import dataclass
+from missions.library.folders import runtime_folder, state_folder
+
+SYSTEM_ROOT = "MISSION_SYSTEM_ROOT"
+"""The variable with the folder below which `/run/user` and the homes of users are looked for: tests set it."""
+
+SESSION = "missiontree/runs"
+"""The folder of runs below that of a session, such as `/run/user/1000`."""
+
+STATE = ".local/state/missiontree/run/runs"
+"""The folder of runs below the home of a user."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A ``folder`` of runs. ``is_own`` says that it is one of this user, who may create it."""
+
+    folder: Path
+    is_own: bool = True
+
+    def prepare(self) -> Path:
+        """Return the folder, created where it is missing, for its owner alone.
+
+        Raises OSError: also for the folder of another user, into which no run of this user is put.
+        """
+        if not self.is_own:
+            raise PermissionError(f"{self.folder} is not this user's")
+        self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        status = self.folder.stat()
+        if status.st_uid != os.geteuid():
+            raise PermissionError(f"{self.folder} belongs to another user")
+        if status.st_mode & 0o077:
+            self.folder.chmod(0o700)
+        return self.folder
+
+    def names(self) -> list[str]:
+        """Return the names of the files; none where there is no such folder, or another user's, which holds no own run.
+
+        Raises OSError where the folder cannot be read.
+        """
+        try:
+            if os.geteuid() not in (0, self.folder.stat().st_uid):
+                return []
+            return os.listdir(self.folder)  # noqa: PTH208 - its errors are those of one call
+        except (FileNotFoundError, NotADirectoryError):
+            return []
+        except PermissionError:
+            if _owner_in_the_way(self.folder) in (None, os.geteuid()):
+                raise
+            return []
+
+
+def _owner_in_the_way(folder: Path) -> int | None:
+    """Return the owner of the innermost folder on the way that can be seen; None for nobody known.
+
+    Where that is another user, this user could not have put a run into the folder either.
+    """
+    for parent in (folder, *folder.parents):
+        try:
+            return parent.stat().st_uid
+        except PermissionError:
+            continue
+        except OSError:
+            return None
+    return None
+
+
+def places(environment: Mapping[str, str] = os.environ) -> list[Place]:
+    """Return where runs of this user can be, the place for a new one first; for root those of all sessions besides."""
+    uid = os.geteuid()
+    found = [Place(folder) for folder in _own(environment, uid)]
+    if uid == 0:
+        found += _others(environment)
+    first = dict[Path, Place]()
+    for each in found:
+        first.setdefault(each.folder, each)
+    return list(first.values())
+
+
+def _own(environment: Mapping[str, str], uid: int) -> Iterator[Path]:
+    if Path(environment.get("XDG_RUNTIME_DIR", "")).is_absolute():
+        yield runtime_folder(environment) / "runs"
+    session = _root(environment) / "run/user" / str(uid)
+    if session.is_dir():  # it is the system's to create
+        yield session / SESSION
+    with suppress(RuntimeError):  # without HOME, a user who is not in the password file has no such folder
+        yield state_folder(environment) / "run" / "runs"
+    home = _home(environment, uid)
+    if home is not None:
+        yield home / STATE
+
+
+def _others(environment: Mapping[str, str]) -> Iterator[Place]:
+    """Yield the places of all who have a session, and of the user for whom `sudo` was typed."""
+    sessions = _root(environment) / "run/user"
+    try:
+        names = os.listdir(sessions)  # noqa: PTH208 - as above
+    except (FileNotFoundError, NotADirectoryError):
+        names = []
+    for uid in {int(name) for name in [*names, environment.get("SUDO_UID", "")] if name.isdecimal()} - {0}:
+        yield Place(sessions / str(uid) / SESSION, is_own=False)
+        home = _home(environment, uid)
+        if home is not None:
+            yield Place(home / STATE, is_own=False)
+
+
+def _root(environment: Mapping[str, str]) -> Path:
+    return Path(environment.get(SYSTEM_ROOT) or "/")
+
+
+def _home(environment: Mapping[str, str], uid: int) -> Path | None:
+    """Return the home that the system knows of a user, whatever HOME says; None for a user without one."""
+    if root := environment.get(SYSTEM_ROOT):
+        return Path(root) / "home" / str(uid)
+    try:
+        home = Path(pwd.getpwuid(uid).pw_dir)
+    except KeyError:
+        return None
+    return home if home.is_absolute() and home.is_dir() else None

@@ -1,0 +1,234 @@
+"""The search for all that can move a robot of this user: by socket files, notes, and abstract sockets.
+
+What cannot be looked at is a `Doubt`: an error while looking is never taken for "nothing runs".
+"""
+
+import errno
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import field, replace
+from pathlib import Path
+
+from drivers.api.quick import dataclass
+from missions.studio import abstract, sockets
+from missions.studio.abstract import SIMULATED, AbstractName
+from missions.studio.notes import ENDING, Holder, read_note
+from missions.studio.places import places
+from missions.studio.processes import ProcessIdentity, identity_of
+from missions.studio.sockets import Address
+
+BY_HAND = "pgrep -af mission  (what runs), and kill its process; or the robot's own switch"
+"""What to type where nothing better is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """A reason why something may move on, and what to type."""
+
+    why: str
+    hint: str = BY_HAND
+
+    @property
+    def words(self) -> str:
+        """What people are told."""
+        return f"perhaps not stopped: {self.why}\n  try: {self.hint}"
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A run, or a command without a control socket: the ``addresses`` where it may answer, and what its notes tell."""
+
+    run: str
+    addresses: tuple[Address, ...] = ()
+    holder: Holder | None = None
+    by_name: AbstractName | None = None
+
+    @property
+    def is_command(self) -> bool:
+        """Whether it can only be ended."""
+        if self.holder is not None:
+            return not self.holder.is_run and not self.addresses
+        return self.by_name is not None and not self.by_name.is_run
+
+    @property
+    def key(self) -> object:
+        """What tells it from all others, wherever its sockets are."""
+        return self.run, self.identity or self.addresses
+
+    @property
+    def identity(self) -> ProcessIdentity | None:
+        """The process, as far as it is known."""
+        if self.holder is not None and self.holder.identity is not None:
+            return self.holder.identity
+        return None if self.by_name is None else self.by_name.identity
+
+    @property
+    def uid(self) -> int:
+        """Whose it is."""
+        if self.by_name is not None:
+            return self.by_name.uid
+        return os.geteuid() if self.holder is None or self.holder.uid is None else self.holder.uid
+
+    def lives(self, peer: ProcessIdentity | None) -> bool:
+        """Return whether its process has not ended. Raises OSError where that is not known.
+
+        ``peer`` is who has listened at its socket, for one that has left no note and no name.
+        """
+        if self.holder is not None:
+            return self.holder.lives()
+        identity = peer if self.by_name is None else self.by_name.identity
+        if identity is None:
+            raise OSError("it is not known which process it is")
+        return identity.lives()
+
+    def terminate(self, peer: ProcessIdentity | None) -> None:
+        """Send its process SIGTERM, if it has not ended. Raises OSError where it cannot be told from another one."""
+        if self.holder is not None:
+            self.holder.terminate()
+        elif self.by_name is None and peer is not None:
+            peer.terminate(None if os.geteuid() else self.uid)
+        elif self.by_name is not None and self.by_name.has_its_process():
+            self.by_name.identity.terminate(self.by_name.uid)
+        else:
+            raise OSError("it is not known which process it is")
+
+    def as_holder(self) -> Holder:
+        """Return the command, also where it could leave no note."""
+        if self.holder is not None:
+            return self.holder
+        if self.by_name is None or not self.by_name.has_its_process():
+            raise OSError("it is not known which process it is")
+        identity, simulated = self.by_name.identity, SIMULATED[1:] * self.by_name.kind.endswith(SIMULATED)
+        return Holder(identity.pid, "a command", "a robot", simulated, self.run, identity=identity, uid=self.uid)
+
+    @property
+    def words(self) -> str:
+        """What it is, as people are told."""
+        if self.holder is not None:
+            return self.holder.words
+        return f"{self.run}: {'a command' if self.is_command else 'a run'}"
+
+    def is_meant(self, which: Sequence[str]) -> bool | None:
+        """Return whether one of these names is its own; None where that is not known before it answers."""
+        if not which or self.run in which:
+            return True
+        if self.holder is None:
+            return None
+        names = {str(self.holder.process), self.holder.name, *self.holder.name.split()[:1]}
+        return not names.isdisjoint(which)
+
+
+@dataclass(slots=True)
+class Search:
+    """What was found, and what could not be looked at. ``files`` are the socket files among the addresses."""
+
+    found: list[Found] = field(default_factory=list)
+    doubts: list[Doubt] = field(default_factory=list)
+
+
+def search() -> Search:
+    """Look in every place where a run, or a command that moves a robot, of this user can be."""
+    result = Search()
+    holders, files = list[Holder](), list[Path]()
+    for place in places():
+        try:
+            names = place.names()
+        except OSError as error:
+            result.doubts.append(doubt_of(f"{place.folder} cannot be read", error))
+            continue
+        files += [place.folder / name for name in names if name.endswith(sockets.ENDING)]
+        for name in names:
+            if name.endswith(ENDING) and name.removesuffix(ENDING).replace("-", "").isdecimal():
+                try:
+                    holder = read_note(place.folder / name)
+                except OSError as error:
+                    result.doubts.append(doubt_of(f"{place.folder / name} cannot be read", error))
+                else:
+                    holders += [] if holder is None else [holder]
+    result.found = _together(holders, files, _listed(result.doubts))
+    return result
+
+
+def _listed(doubts: list[Doubt]) -> list[AbstractName]:
+    """Return the abstract names of this user; of others only that there is one is told."""
+    try:
+        names = abstract.names()
+    except OSError as error:
+        doubts.append(doubt_of(f"{abstract.LISTED} cannot be read", error))
+        return []
+    mine = []
+    for name in names:
+        if os.geteuid() in (0, name.uid):
+            mine.append(name)
+        elif not name.kind.endswith(SIMULATED):
+            doubts.append(Doubt(f"process {name.run} of another user ({name.uid}) has a robot", "sudo mission stop"))
+    return mine
+
+
+def _together(holders: Sequence[Holder], files: Sequence[Path], names: Sequence[AbstractName]) -> list[Found]:
+    """Return each process once, with all that is known of it. A file that is in no note is one of its own."""
+    found: dict[tuple[str, ProcessIdentity | None], Found] = {}
+    for holder in holders:
+        key = holder.run, holder.identity
+        same = found.get(key)
+        if same is not None and same.holder is not None:
+            holder = replace(holder, notes=(*same.holder.notes, *holder.notes))  # noqa: PLW2901
+        addresses = [each if each.startswith("@") else Path(each) for each in holder.sockets]
+        known = () if same is None else same.addresses
+        found[key] = Found(holder.run, tuple(dict.fromkeys([*known, *addresses])), holder)
+    for name in names:
+        key = name.run, name.identity
+        same = found.get(key, Found(name.run))
+        more = [name.address] if name.is_run else []
+        found[key] = replace(same, addresses=tuple(dict.fromkeys([*same.addresses, *more])), by_name=name)
+    noted = {address for each in found.values() for address in each.addresses}
+    alone = [Found(sockets.run_of(path), (path,)) for path in dict.fromkeys(files) if path not in noted]
+    return [*found.values(), *alone]
+
+
+def doubt_of(what: str, error: OSError) -> Doubt:
+    """Return the doubt that an error leaves."""
+    hints: Mapping[int | None, str] = {
+        errno.EMFILE: "mission stop  (in another terminal: no file descriptor is left here; ulimit -n tells how many)",
+        errno.ENFILE: "mission stop  (again: no file descriptor is left on this computer)",
+        errno.EACCES: "sudo mission stop",
+        errno.EPERM: "sudo mission stop",
+    }
+    return Doubt(f"{what}: {reason_of(error)}", hints.get(error.errno, BY_HAND))
+
+
+def reason_of(error: OSError) -> str:
+    """Return an error in words."""
+    return error.strerror or str(error)
+
+
+def is_own(found: Found) -> bool:
+    """Return whether it is of this process: who stops all others does not end itself."""
+    if found.holder is not None and found.holder.identity is None:
+        return found.holder.process == os.getpid()
+    known = found.identity
+    return known is not None and known == identity_of(os.getpid())
+
+
+def addresses_of(run: str) -> list[Address]:
+    """Return where a run may answer; none for one that is not there. Raises OSError where that is not known."""
+    result = search()
+    found = [address for each in result.found if each.run == run for address in each.addresses]
+    if result.doubts and not found:
+        raise OSError(result.doubts[0].why)
+    return list(dict.fromkeys(found))
+
+
+def is_listed(run: str) -> bool:
+    """Return whether a run has a control socket, as far as can be seen."""
+    return any(each.run == run and each.addresses for each in search().found)
+
+
+def may_live(found: Found) -> bool:
+    """Return whether a process is there, or that is not known; not where only the file of a socket was left."""
+    if found.holder is None and found.by_name is None:
+        return False
+    try:
+        return found.lives(None)
+    except OSError:
+        return True
