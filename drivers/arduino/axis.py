@@ -65,6 +65,11 @@ class ServoAxis:
         """-1 for a servo that turns the other way than the head."""
         return -1 if self.flip else 1
 
+    @property
+    def measured(self) -> bool:
+        """False: a hobby servo reports nothing."""
+        return False
+
     def trimmed(self, trim: float) -> Self:
         """Return the same servo with another trim (radians). Raises ValueError for one that it cannot have."""
         return replace(self, trim=trim)
