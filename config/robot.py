@@ -117,6 +117,11 @@ class RobotConfig:
         return self.keys(RangeKeys)
 
     @property
+    def guarded(self) -> bool:
+        """Whether its base keeps away from what its range finder sees."""
+        return self.range is not None and self.base is not None and self.base.guards
+
+    @property
     def camera(self) -> CameraKeys | None:
         """The section ``camera``."""
         return self.keys(CameraKeys)

@@ -35,6 +35,11 @@ class History:
                 later = entry
             return None
 
+    def newest(self) -> tuple[float, tuple[float, ...]] | None:
+        """Return the newest entry, with its stamp; None before the first."""
+        with self._lock:
+            return self._entries[-1] if self._entries else None
+
     def clear(self) -> None:
         """Forget everything."""
         with self._lock:

@@ -7,7 +7,7 @@ from enum import Enum
 from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS, Leaf
-from drivers.api import STILL, Base, BaseState, Pose2D, Source, Steering, Velocity
+from drivers.api import STILL, Base, BaseState, Pose2D, Source, Steering, Velocity, is_guarded
 
 BRAKING, TURN_BRAKING = 0.5, 0.34
 """Which share of the base's greatest acceleration, and turn acceleration, the approach to a goal counts on."""
@@ -20,6 +20,9 @@ TURN_CRAWL = math.radians(4)
 
 REACTION = 0.25
 """Seconds from a report to the motion that answers it: the Kobuki's dead time (users measured 0.2 s) and a tick."""
+
+HELD_OFF = 5.0
+"""Seconds for which a leaf waits while the range guard keeps the base from moving: people walk on."""
 
 STANDSTILL = 0.01
 """Below this speed (m/s or rad/s) it has stopped."""
@@ -42,7 +45,7 @@ class Motion(Leaf):
 
     It fails by what the base feels in its way, and while the base is latched. While a person, or a reflex, has the
     wheels it waits, and goes on from where the base is then. What the base refuses for any other reason, such as an
-    edge that it has not left behind, fails it too.
+    edge that it has not left behind, fails it too; what the range guard sees in its way, once it has stayed there.
     """
 
     needs = frozenset({"base"})
@@ -100,17 +103,22 @@ class Motion(Leaf):
         return reading.value
 
     def steer(self, velocity: Velocity, doing: str) -> Status:
-        """Tell the base to move so, and go on; fail once it has refused all of it for longer than a reaction takes."""
+        """Tell the base to move so, and go on; fail once it has refused all of it for longer than a reaction takes.
+
+        While the range guard keeps it from moving, fail after ``HELD_OFF`` seconds.
+        """
         given = self.robot.base.drive(velocity)
         if given != STILL or velocity == STILL:
             self._refused_since = None
             return self.wait(doing)
-        now = self.run.now()
+        now, steering = self.run.now(), self.robot.base.steering()
         if self._refused_since is None:
             self._refused_since = now
-        if now - self._refused_since <= REACTION:
-            return self.wait(doing)
-        return self.fail(f"the base does not move: {self.robot.base.steering().because or 'it is not permitted'}")
+        guarded = is_guarded(steering)
+        if now - self._refused_since <= (HELD_OFF if guarded else REACTION):
+            return self.wait(f"{doing}: {steering.because}" if guarded else doing)
+        because = steering.because or "it is not permitted"
+        return self.fail(because if guarded else f"the base does not move: {because}")
 
     def come_to_rest(self, speed: float) -> Status:
         """Stop, and succeed once it stands still."""

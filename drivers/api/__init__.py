@@ -43,6 +43,7 @@ from drivers.api.device import (
 from drivers.api.head import HEAD_ACCELERATION, Head, HeadLimits, HeadPose
 from drivers.api.joints import Coupling, Gesture, Interpolation, JointLimits, Joints, JointState, Keyframe
 from drivers.api.measures import Angle, Angles, Duration, Image, Length, Ranges, Samples
+from drivers.api.range_guard import is_guarded
 from drivers.api.renamed import renamed
 from drivers.api.ros2 import GoalState, Progress, Ros2
 from drivers.api.screen import Mood, Screen, Shown
@@ -51,6 +52,7 @@ from drivers.api.sensors import (
     Attitude,
     Camera,
     CameraFrame,
+    Guardable,
     Imu,
     Microphone,
     Ranger,
@@ -88,6 +90,7 @@ __all__ = [
     "Duration",
     "Gesture",
     "GoalState",
+    "Guardable",
     "Head",
     "HeadLimits",
     "HeadPose",
@@ -132,6 +135,7 @@ __all__ = [
     "Velocity",
     "Voice",
     "ignore",
+    "is_guarded",
     "wrapped",
 ]
 

@@ -6,11 +6,13 @@ A driver declares its own keys as a class that extends the one of its kind. The 
 
 from collections.abc import Iterator, Mapping
 from math import degrees, radians
-from typing import Annotated
+from typing import Annotated, Literal
 
+from drivers.api.base import BASE_RADIUS
 from drivers.api.device import Away
 from drivers.api.joints import JointLimits
 from drivers.api.keys import Mistake, inside, key, keys
+from drivers.api.range_guard import Footprint, RangeGuardKeys
 from drivers.api.screen import Mood
 from drivers.api.steering import Reflexes
 from drivers.api.voice import Manner
@@ -47,6 +49,33 @@ class BaseKeys:
     )
     reflexes: Reflexes = key(default=Reflexes(), help="What it does by itself, whoever commands.")
     away: Away = key(default=Away(), help="What it does when it is back after it was unplugged, or silent.")
+    range_guard: RangeGuardKeys | Literal["off"] = key(
+        default=RangeGuardKeys(),
+        help="How it keeps away from what its range finder sees, whoever commands; `off` for not at all.",
+    )
+
+    usual_footprint = BASE_RADIUS
+    """Metres: the radius of the body where the file does not say."""
+
+    usual_reaction = 0.25
+    """Seconds from a command to its effect where the file does not say: what users measured on a Kobuki, and more."""
+
+    @property
+    def guards(self) -> bool:
+        """Whether the range guard is on, for a robot with a range finder."""
+        return self.range_guard != "off"
+
+    @property
+    def footprint(self) -> Footprint:
+        """The outline of the body."""
+        given = None if isinstance(self.range_guard, str) else self.range_guard.footprint
+        return self.usual_footprint if given is None else given
+
+    @property
+    def reaction(self) -> float:
+        """Seconds from a command to its effect."""
+        given = None if isinstance(self.range_guard, str) else self.range_guard.reaction
+        return self.usual_reaction if given is None else given
 
 
 @keys

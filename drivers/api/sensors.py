@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from math import inf, tau
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from drivers.api.device import Device, Reading
 from drivers.api.marks import fixed
@@ -121,6 +121,19 @@ class Ranger(Device, Protocol):
 
     def scan(self) -> Reading[RangeScan]:
         """Return the newest whole turn; stale after half a second without another."""
+        ...
+
+
+@runtime_checkable
+class Guardable(Protocol):
+    """A base that keeps away from what a range finder sees, whoever commands; those on ``drivers.base`` do."""
+
+    def guard_by(self, ranger: Ranger, blind: Sequence[tuple[float, float]] = ()) -> None:
+        """Limit every velocity by the scans of ``ranger``, unless the robot file switches that off.
+
+        To be called before ``open``. ``blind`` are sectors, pairs of bearings of the base in radians, anticlockwise, in
+        which it sees nothing.
+        """
         ...
 
 

@@ -159,7 +159,7 @@ class PlainBase(Mute, SteeredBase):
         self._counters["reports"] += 1
         with self._lock:
             self._latest = Reading(state, now, Quality.GOOD)
-            self._headings.add(now, [state.pose.heading])
+            self._remember(now, state.pose)
             self._mux.hear(now)
             self._mux.feel(state, now)
         self._heard_at = now  # last: who sees it online also sees its state

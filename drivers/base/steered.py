@@ -1,7 +1,7 @@
 """A base that is steered by several, the same for the real Kobuki and its twin: commands, latch, and what it tells."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from threading import RLock
 from typing import Protocol, TypedDict, Unpack
 
@@ -10,6 +10,10 @@ from drivers.api import (
     BaseLimits,
     BaseState,
     DeviceStatus,
+    DockBeam,
+    Pose2D,
+    Ranger,
+    Reading,
     Reflexes,
     Report,
     Source,
@@ -30,11 +34,14 @@ from drivers.errors import BadRequest, NotConnected
 from drivers.guard import guarded
 from drivers.history import History
 
+NEAR_BEAMS = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
+
 
 class Settings(TypedDict, total=False):
     """Speeds in m/s and rad/s, accelerations in m/s^2 and rad/s^2 (braking is 1.2 times as hard); and who is told.
 
     ``changed`` is called whenever a contact or button changes, ``steered`` with whatever is new of who commands.
+    ``guard`` are the keys of its section, for its range guard.
     """
 
     max_linear: float
@@ -43,6 +50,7 @@ class Settings(TypedDict, total=False):
     angular_acceleration: float
     reflexes: Reflexes | None
     away: Away | None
+    guard: BaseKeys | None
     report: Report
     changed: Callable[[], None]
     steered: Steered
@@ -76,6 +84,7 @@ def settings_of(keys: BaseKeys, told: Told) -> Settings:
         angular_acceleration=keys.turn_acceleration,
         reflexes=keys.reflexes,
         away=keys.away,
+        guard=keys,
         report=told.report,
         changed=told.changed,
         steered=told.steered,
@@ -108,7 +117,8 @@ class SteeredBase(ABC):
         self._mux = VelocityMultiplexer(limits, settings.get("reflexes"), settings.get("away"), monitor)
         self._told_fault: MotionFault | None = None
         self._told = self._mux.steering
-        self._headings = History()
+        self._guard_keys = settings.get("guard")
+        self._poses = History()  # heading, x and y
         self._silent = False
         # Held from the choice of a command until it is written, so that no older one can follow the zero of a stop.
         self._lock = RLock()
@@ -123,6 +133,26 @@ class SteeredBase(ABC):
         with self._lock:
             self._limits = self._mux.curb(limits.speed, limits.turn)
         return self._limits
+
+    def guard_by(self, ranger: Ranger, blind: Sequence[tuple[float, float]] = ()) -> None:
+        """See ``drivers.api.Guardable``."""
+        keys = self._guard_keys or BaseKeys()
+        if isinstance(keys.range_guard, str):
+            return
+        # They import numpy, which a robot without a range finder does not need.
+        from drivers.base.footprint import outline_of  # noqa: PLC0415
+        from drivers.base.range_guard import RangeGuard  # noqa: PLC0415
+
+        self._mux.guard = RangeGuard(
+            ranger,
+            keys.range_guard,
+            outline_of(keys.footprint),
+            self._poses,
+            reaction=keys.reaction,
+            near_dock=self._near_dock,
+            report=self._report,
+            blind=tuple(blind),
+        )
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
         """Drive so for ``COMMAND_LIFE`` at most; return what is in force of it: limited, and what reflexes permit.
@@ -175,7 +205,7 @@ class SteeredBase(ABC):
 
     def heading_at(self, stamp: float) -> float | None:
         """The heading in radians at a past time (the last 3 s), interpolated; None when that is not known."""
-        found = self._headings.at(stamp)
+        found = self._poses.at(stamp)
         return found[0] if found else None
 
     def rest(self) -> None:
@@ -183,6 +213,10 @@ class SteeredBase(ABC):
         self.stop()
 
     # --- what the subclass adds, and what it calls --------------------------------------------------------------------
+
+    @abstractmethod
+    def state(self) -> Reading[BaseState]:
+        """Return the newest report of the base."""
 
     @property
     @abstractmethod
@@ -196,6 +230,18 @@ class SteeredBase(ABC):
     @abstractmethod
     def _stand(self) -> None:
         """Tell the wheels to stand, where anybody is there to be told. Does not raise NotConnected."""
+
+    def _remember(self, stamp: float, pose: Pose2D) -> None:
+        """Remember where the base was at ``stamp``."""
+        self._poses.add(stamp, (pose.heading, pose.x, pose.y))
+
+    def _near_dock(self) -> bool:
+        """Whether it hears the near beams of its dock, or is on it."""
+        state = self.state().value
+        if state is None:
+            return False
+        dock = state.dock
+        return state.docked or bool((dock.left | dock.centre | dock.right) & NEAR_BEAMS)
 
     def _tell_steering(self, steering: Steering) -> None:
         """Tell who commands, and why the base was stopped, if that is new."""

@@ -188,7 +188,7 @@ class KobukiBase(SteeredBase, Panel):
         states = self._listener.feed(data, now - FRAME_TIME)
         if states:
             self._latest = Reading(states[-1], now - FRAME_TIME, Quality.GOOD)
-            self._headings.add(self._latest.stamp, [states[-1].pose.heading])
+            self._remember(self._latest.stamp, states[-1].pose)
             with self._lock:
                 self._mux.hear(now)
                 for state in states:  # a read may bring several, and a contact may last for one

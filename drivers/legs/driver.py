@@ -34,7 +34,6 @@ from drivers.base.mute import Mute
 from drivers.base.requests import require
 from drivers.base.steered import Settings, SteeredBase
 from drivers.clock import Clock
-from drivers.dynamixel.commanded import CommandedJoints
 from drivers.errors import DeviceFault, DriverError, NotConnected
 from drivers.legs.acts import Acts
 from drivers.legs.approach import is_near
@@ -74,8 +73,6 @@ class LegsBase(Mute, SteeredBase):
         **settings: Unpack[Settings],
     ) -> None:
         super().__init__(clock, **settings)
-        if isinstance(joints, CommandedJoints):
-            joints.watched = False  # the floor keeps joints from their goals that carry a body
         self._joints, self._engine, self._felt_now = joints, engine, felt
         self._at_fall, self._tucked, self._compensation = at_fall, tucked, compensation
         self._legs = engine.body.walking
@@ -205,7 +202,7 @@ class LegsBase(Mute, SteeredBase):
             posture=Poised.MOVING if not self._engine.standing else self._acts.posture,
         )
         self._latest = Reading(state, now, Quality.GOOD)
-        self._headings.add(now, [pose.heading])
+        self._poses.add(now, (pose.heading, pose.x, pose.y))
         self._mux.hear(now)
         self._mux.feel(state, now)
 

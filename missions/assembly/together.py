@@ -5,11 +5,11 @@ The table also says in which order parts are made, and which of them bring other
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from behaviours.robot import Other, Robot
 from config.robot import RobotConfig, Section
-from drivers.api import Base, Device, Head, Report, Steered, ignore
+from drivers.api import Base, Device, Guardable, Head, Ranger, Report, Steered, ignore
 from drivers.api.driver import resolved
 from drivers.api.kinds import KINDS
 from drivers.api.quick import dataclass
@@ -83,6 +83,10 @@ def put_together(config: RobotConfig, chosen: frozenset[str], stands: Stands) ->
     seen: dict[str, object] = {}
     for part in making_order(config, chosen):
         made[part], seen[part] = stands.make(part, config.sections[part], made)
+    parts: Mapping[str, object] = made
+    base, ranger = parts.get("base"), parts.get("range")
+    if config.guarded and config.range is not None and isinstance(base, Guardable) and ranger is not None:
+        base.guard_by(cast("Ranger", ranger), config.range.blind)
     opened = sorted(made, key=lambda part: (list(KINDS).index(config.kind_of(part).name), part not in KINDS))
     return robot_of_parts(config, seen), {part: made[part] for part in opened}
 
@@ -142,9 +146,11 @@ def gaze(stamp: float, base: Base | None, head: Head | None) -> Gaze:
 
 
 def with_carriers(config: RobotConfig, chosen: frozenset[str]) -> frozenset[str]:
-    """Return the parts that a robot has of the ``chosen``, and those that carry them."""
+    """Return the parts that a robot has of the ``chosen``, those that carry them, and what a base keeps away by."""
     if "camera" in chosen:
         chosen |= {"head"}
+    if "base" in chosen and config.guarded:
+        chosen |= {"range"}
     chosen &= config.parts
     return chosen | {need for kind in chosen for need in config.sections[kind].driver.needs if need in config.parts}
 

@@ -1,5 +1,7 @@
 """The schema of a section of a file, from the keys that a class declares; and what each takes, in words."""
 
+from dataclasses import is_dataclass
+
 from config.marked import plain
 from config.units import EXAMPLES, article, written
 from drivers.api.keys import PERCENT, Key, declared
@@ -36,7 +38,7 @@ def default_told(key: Key) -> str:
 def shown_default(key: Key) -> str:
     """Return the default of a key as a file would have it; empty where there is none, or where it is a section's."""
     value = key.default
-    if value is None or value in ("", ()) or key.form in ("section", "list", "named", "rest"):
+    if value is None or value in ("", ()) or key.form in ("section", "list", "named", "rest") or is_dataclass(value):
         return ""
     if isinstance(value, bool):
         return str(value).lower()

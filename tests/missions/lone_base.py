@@ -10,12 +10,16 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from subprocess import PIPE
 
 from drivers.clock import SystemClock
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.terminal import Terminal
 from tests.forked import Forked
+
+LONE_ROBOT = str(Path(__file__).with_name("lone_turtlebot2.yaml"))
+"""The file of a robot `turtlebot2` that has no other device to wait for."""
 
 
 @dataclass

@@ -20,7 +20,7 @@ from missions.executive.executive import Result
 from missions.studio.searching import search
 from missions.testing.recorders import STOP, Bench
 from tests.missions.command import PATIENCE, command
-from tests.missions.lone_base import lone_base
+from tests.missions.lone_base import LONE_ROBOT, lone_base
 from tests.missions.studio.running import DRIVING, WAITING
 from tests.waiting import wait_until
 
@@ -186,7 +186,7 @@ def test_a_run_is_stopped_by_mission_stop_also_beside_another_one(
         ports = {"base": base.port}
         works = [
             lambda: missions.run(other, robot="turtlebot2", simulate="wire"),
-            lambda: missions.run(file, robot="turtlebot2", ports=ports),
+            lambda: missions.run(file, robot=LONE_ROBOT, ports=ports),
         ]
         threads = [Thread(target=lambda work=work: found.append(work())) for work in works]
         for number, thread in enumerate(threads, 1):

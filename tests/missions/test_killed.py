@@ -19,7 +19,7 @@ import pytest
 
 from tests.forked import Forked
 from tests.missions.left import MARK, left_of, nobody_left, readable, writer_of
-from tests.missions.lone_base import LoneBase, lone_base
+from tests.missions.lone_base import LONE_ROBOT, LoneBase, lone_base
 from tests.tries import tries
 from tests.waiting import wait_until
 
@@ -106,7 +106,7 @@ def test_a_process_killed_at_any_moment_since_its_start_leaves_nothing_behind_bu
 
 
 def run(mission: Path, base: LoneBase, *words: str) -> Forked:
-    robot = ("--robot", "turtlebot2", "--port", f"base={base.port}")
+    robot = ("--robot", LONE_ROBOT, "--port", f"base={base.port}")
     return Forked("missions", "run", str(mission), *robot, *words, stdin=DEVNULL, stdout=DEVNULL)
 
 

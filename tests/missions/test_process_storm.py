@@ -24,7 +24,7 @@ from missions.studio.sockets import linked, path_of
 from missions.studio.wheels import MAX_STATE_AGE
 from tests.forked import Forked
 from tests.missions.left import MARK, left_of, marked, nobody_left, readable, writer_of
-from tests.missions.lone_base import LoneBase, lone_base
+from tests.missions.lone_base import LONE_ROBOT, LoneBase, lone_base
 from tests.missions.studio.running import DRIVING, REST, WAITING
 from tests.missions.studio.serving import Client, Served, studio
 from tests.tries import tries
@@ -194,7 +194,7 @@ def playing(folder: Path, base: LoneBase, seed: int, patch: pytest.MonkeyPatch) 
     with ExitStack() as ends:
         served = ends.enter_context(studio()) if driven else None
         patch.setenv(MARK, mark)
-        words = ("--robot", "turtlebot2", "--port", f"base={base.port}", "--record", str(record))
+        words = ("--robot", LONE_ROBOT, "--port", f"base={base.port}", "--record", str(record))
         process = Forked("missions", "run", str(mission), *words, stdin=DEVNULL, stdout=DEVNULL)
         patch.delenv(MARK)
         ends.callback(process.wait)

@@ -129,8 +129,8 @@ def test_a_range_finder_is_read_by_expressions(tmp_path: Path) -> None:
     assert "range" in ran.twins.parts
 
 
-def test_a_mission_that_asks_for_no_range_finder_starts_without_it(tmp_path: Path) -> None:
-    assert "range" not in Ran(tmp_path, "drive: 10 cm").twins.parts
+def test_a_mission_that_drives_needs_the_range_finder_for_the_range_guard(tmp_path: Path) -> None:
+    assert "range" in Ran(tmp_path, "drive: 10 cm").twins.parts
 
 
 def test_a_person_sees_what_stops_the_base_and_that_its_battery_is_low() -> None:

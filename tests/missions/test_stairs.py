@@ -17,9 +17,10 @@ from config.world import WorldConfig, load_world
 from drivers.api import Pose2D
 from drivers.sim.twins.base import BaseTwin
 from missions.language.plan import Plan
-from missions.library.drivers import load_robot
+from missions.library.drivers import robot_named
 from missions.order import RunRequest
 from missions.runner import Runner, load
+from tests.missions.lone_base import LONE_ROBOT
 
 STARTS = 100
 LAGS = (0.0, 0.1, 0.2)
@@ -79,7 +80,7 @@ def briefly(blindly: Path) -> Path:
 
 @cache
 def plan_of(mission: Path, robot: str) -> Plan:
-    return load(order(mission, robot, load_world(shipped("worlds")["empty"])), load_robot(shipped("robots")[robot]))
+    return load(order(mission, robot, load_world(shipped("worlds")["empty"])), robot_named(robot))
 
 
 def order(mission: Path, robot: str, world: WorldConfig) -> RunRequest:
@@ -201,7 +202,7 @@ def test_what_it_bumps_into_is_not_pushed(blindly: Path, lag: float) -> None:
         random = Random(f"wall {seed}")  # noqa: S311 - chance, not a secret
         start = Pose2D(random.uniform(3.5, 4.5), random.uniform(-2.0, 2.0), random.uniform(-1.0, 1.0))
         pushing = Pushing()
-        ride(blindly, "turtlebot2", world_of("empty", start, lag), pushing.look)
+        ride(blindly, LONE_ROBOT, world_of("empty", start, lag), pushing.look)
         assert pushing.touches >= 1, f"{seed}: {start}"
         # One report, the dead time, and the motors that brake at 2 m/s^2.
         assert pushing.longest <= BaseTwin.PERIOD + lag + 0.25 / 2.0 + BaseTwin.PERIOD, f"{seed}: {start}"

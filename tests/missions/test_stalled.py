@@ -23,7 +23,7 @@ from missions.library.drivers import load_robot
 from missions.order import RunRequest
 from missions.runner import Runner
 from tests.drivers.test_kobuki_driver import DirectLink
-from tests.missions.lone_base import Witness
+from tests.missions.lone_base import LONE_ROBOT, Witness
 from tests.waiting import wait_until
 
 WITHIN = 0.5
@@ -113,7 +113,7 @@ def test_a_behaviour_that_holds_up_the_tick_of_a_mission_leaves_the_base_at_rest
     terminal = Terminal("kobuki", witness, clock)
     terminal.open()
     try:
-        order = RunRequest(str(mission), robot="turtlebot2", ports={"base": terminal.path})
+        order = RunRequest(str(mission), robot=LONE_ROBOT, ports={"base": terminal.path})
         assert Runner(order, substitute=lambda *_: stalling).run().result == "failure"
     finally:
         terminal.close()

@@ -192,7 +192,7 @@ class BaseTwin(SteeredBase, PanelTwin):
     def _hear(self, now: float) -> None:
         """Take one report of the body."""
         self._measure(now)
-        self._headings.add(now, (self._course.pose.heading,))
+        self._remember(now, self._course.pose)
         self._heard_at = now
         self._mux.hear(now)
         self._latest = None

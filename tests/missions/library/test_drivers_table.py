@@ -108,7 +108,7 @@ def test_the_metal_imports_no_simulation_and_no_driver_of_a_part_that_it_does_no
     done = subprocess.run([sys.executable, "-c", METAL], capture_output=True, text=True, check=True)
     imported = done.stdout.split()
     assert "drivers.kobuki.driver" in imported
-    unused = ("sim", "virtual", "arduino", "dynamixel", "rplidar", "camera.opencv", "microphone", "voice", "screen")
+    unused = ("sim", "virtual", "arduino", "dynamixel", "ros2", "camera.opencv", "microphone", "voice", "screen")
     names = tuple(f"drivers.{name}" for name in unused)
     declarations = (".declared", ".models")
     loaded = [name for name in imported if name.startswith(names) and name.count(".") > 1]

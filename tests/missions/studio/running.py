@@ -14,7 +14,7 @@ from missions.studio import sockets
 from missions.studio.places import SYSTEM_ROOT
 from missions.studio.sockets import RunLink
 from tests.missions.command import Process
-from tests.missions.lone_base import LoneBase, lone_base
+from tests.missions.lone_base import LONE_ROBOT, LoneBase, lone_base
 from tests.waiting import wait_until
 
 WAITING = "mission: waiting\ntree:\n  sequence:\n    - wait: 1000 s\n    - drive: 1 m\n"
@@ -93,7 +93,7 @@ def run_of(folder: Path, text: str = WAITING, *more: str) -> Iterator[tuple[Proc
     path.write_text(text, encoding="utf-8")
     with ExitStack() as ends:
         base = ends.enter_context(lone_base())
-        process = Process("run", str(path), "--robot", "turtlebot2", "--port", f"base={base.port}", *more)
+        process = Process("run", str(path), "--robot", LONE_ROBOT, "--port", f"base={base.port}", *more)
         ends.callback(_end, process)
         wait_until(lambda: sockets.path_of(str(process.process.pid)).exists() or process.process.poll() is not None)
         assert process.process.poll() is None, process.errors

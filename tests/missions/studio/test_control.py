@@ -62,7 +62,7 @@ def test_a_scene_tells_all_that_is_so_far_as_the_schema_says(run: Process) -> No
         assert scene["limits"]["speed"] > 0
         state = client.hear(lambda told: told["say"] == "state" and "parts" in told)
         jsonschema.validate(state, protocol())
-        assert {part["part"] for part in state["parts"]} == {"base"}
+        assert {part["part"] for part in state["parts"]} == {"base", "range"}
 
 
 @pytest.mark.real_time

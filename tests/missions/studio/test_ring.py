@@ -8,7 +8,7 @@ import pytest
 from config.defaults import FILE, config_folder, keep_default
 from missions.studio import ring
 from tests.missions.command import command
-from tests.missions.lone_base import lone_base
+from tests.missions.lone_base import LONE_ROBOT, lone_base
 
 DAY = 24 * 3600.0
 
@@ -71,7 +71,7 @@ def test_a_run_on_a_robot_is_recorded_unless_somebody_says_no(
     mission = tmp_path / "brief.yaml"
     mission.write_text("mission: brief\ntree:\n  sequence:\n    - wait: 100 ms\n    - drive: 1 cm\n", encoding="utf-8")
     with lone_base() as base:
-        run = ("run", str(mission), "--robot", "turtlebot2", "--port", f"base={base.port}")
+        run = ("run", str(mission), "--robot", LONE_ROBOT, "--port", f"base={base.port}")
         assert command(capsys, *run, "--no-record").code == 0
         keep_default("record", "false")
         assert command(capsys, *run).code == 0

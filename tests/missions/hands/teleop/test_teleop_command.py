@@ -16,7 +16,7 @@ from config.library import find
 from missions.library.drivers import load_robot
 from tests.forked import Forked
 from tests.missions.command import command
-from tests.missions.lone_base import LoneBase, lone_base
+from tests.missions.lone_base import LONE_ROBOT, LoneBase, lone_base
 from tests.waiting import wait_until
 
 ROBOT = load_robot(find("robots", "turtlebot2")).base
@@ -74,7 +74,7 @@ def teleop(*arguments: str) -> Iterator[Terminal]:
 @contextmanager
 def driving() -> Iterator[tuple[Terminal, LoneBase]]:
     """A base that a person drives with a key held."""
-    with lone_base() as base, teleop("--robot", "turtlebot2", "--port", base.port) as terminal:
+    with lone_base() as base, teleop("--robot", LONE_ROBOT, "--port", base.port) as terminal:
         wait_until(lambda: terminal.shows("Ctrl-C ends"))
         wait_until(lambda: terminal.hold() and base.seen().moving, pause=0.02)
         yield terminal, base

@@ -1,0 +1,307 @@
+"""The range guard: limits what a base is sent, so that it stops before what its range finder sees.
+
+It looks at the area that the body sweeps on the commanded arc until it can stand: what it still rolls before the wheels
+obey, and while they brake. The whole velocity is scaled, so the arc stays. What is nearer than the gap already forbids
+only motion that brings it nearer: turning and backing off lead out. What moves may be at any place by then that it can
+reach at its speed. Its time is handed in; not safe between threads.
+"""
+
+from collections.abc import Callable
+from math import atan2, ceil, cos, degrees, inf, sin, sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.api import STILL, DeviceStatus, Ranger, RangeScan, Report, Velocity
+from drivers.api.range_guard import IN_THE_WAY, MIN_GAP, OUT_OF_SIGHT, SCANS_LATE, SCANS_MISSING
+from drivers.base.footprint import Floats, Outline, PathPoses
+from drivers.base.limits import Limits
+from drivers.base.seen_points import Placed, SeenPoints
+from drivers.history import History
+
+if TYPE_CHECKING:
+    from drivers.api.range_guard import RangeGuardKeys
+
+LATE_AFTER, MISSING_AFTER = 0.5, 2.0
+"""Seconds since the middle of the newest scan after which it counts as late, and as missing."""
+
+BLIND_SPEED = 0.1
+"""m/s that the rim may go with late scans, and where the range finder does not look."""
+
+RENEWAL = 0.04
+"""Seconds until the next look at what is sent."""
+
+SPACING, MAX_STATIONS = 0.02, 48
+"""Metres between the places of the path at which the body is looked at, and how many there are at most."""
+
+NOISE, GRAZING = 0.005, 0.15
+"""Metres by which a thing that the base passes may seem to come nearer on the next so many metres, as a wall beside it
+does, and be nearer than the gap: down to ``MIN_GAP``."""
+
+OWN_PARTS = 0.02
+"""Metres inside of the outline from which on a point is a part of the robot."""
+
+START_SPEED, LEAST_SPEED = 0.03, 0.008
+"""m/s that must be free for a base to start after it was stopped, and below which it stops."""
+
+DOCKING_SPEED = 0.06
+"""m/s up to which a base that hears the near beams of its dock may touch it."""
+
+SHARES = (1.0, 0.85, 0.7, 0.55, 0.42, 0.32, 0.24, 0.18, 0.13, 0.09, 0.06, 0.04, 0.0)
+"""Shares of the speed that are tried where something moves."""
+
+ROUNDING = 1e-4
+REPORTED_EVERY = 10.0
+
+
+class RangeGuard:
+    """Limits velocities by the scans of ``ranger``, for a base with this ``outline``.
+
+    ``poses`` is the history of heading, x and y. ``reaction`` is how many seconds after a command the wheels obey.
+    ``near_dock`` tells whether the base hears the near beams of its dock, or is on it. ``stops`` is True while the
+    base stands because of it.
+    """
+
+    def __init__(
+        self,
+        ranger: Ranger,
+        keys: "RangeGuardKeys",
+        outline: Outline,
+        poses: History,
+        *,
+        reaction: float,
+        near_dock: Callable[[], bool],
+        report: Report,
+        blind: tuple[tuple[float, float], ...] = (),
+    ) -> None:
+        self.stops = False
+        self._ranger, self._keys, self._outline, self._poses = ranger, keys, outline, poses
+        self._reaction, self._near_dock, self._report = reaction, near_dock, report
+        self._points = SeenPoints(ranger.place, blind)
+        self._scan: RangeScan | None = None
+        self._came_at = -inf
+        self._failure = ""
+        self._reported: dict[str, float] = {}
+
+    def limit(
+        self, going: Velocity, wanted: Velocity, limits: Limits, now: float, *, reflex: bool = False
+    ) -> tuple[Velocity, str]:
+        """Return how much of ``going`` may be sent, on its way to ``wanted``, and why not all of it.
+
+        A ``reflex`` moves without scans as well: it leads away from what the base has touched.
+        """
+        age = self._look(now)
+        if age > MISSING_AFTER and not reflex:
+            self.stops = True
+            return STILL, self._tell(f"{SCANS_MISSING}{self._failure}", now)
+        reach = self._reach(going)
+        if reach == 0.0:
+            self.stops = False
+            return going, ""
+        # A base that was stopped starts again only where it can go on for a bit: scans tremble.
+        least = min(START_SPEED, self._reach(wanted)) if self.stops else LEAST_SPEED
+        probe = _scaled(going, max(1.0, least / reach)) if self.stops else going
+        share, why = self._allowed(probe, limits, now)
+        share *= self._reach(probe) / reach
+        if share * reach < least * (1.0 - 1e-9) and why:
+            share = 0.0
+        late = SCANS_LATE if age > LATE_AFTER else OUT_OF_SIGHT if self._leaves_sight(going, limits) else ""
+        if late and share * reach > BLIND_SPEED:
+            share, why = BLIND_SPEED / reach, self._tell(late, now) if late is SCANS_LATE else late
+        if share >= 1.0:
+            self.stops = False
+            return going, ""
+        if 0.0 < wanted.linear <= DOCKING_SPEED and self._near_dock():
+            self.stops = False
+            return going, ""
+        self.stops = share == 0.0
+        return _scaled(going, share) if share else STILL, why
+
+    def rest(self, now: float) -> None:
+        """Note that nobody wants the base to move; look on, for what is near may be out of sight later."""
+        self.stops = False
+        self._look(now)
+
+    def _reach(self, velocity: Velocity) -> float:
+        """Return how fast the outline leaves its place, in m/s: a round base that turns on the spot stays in it."""
+        if velocity.linear == 0.0 and self._outline.round:
+            return 0.0
+        return abs(velocity.linear) + abs(velocity.angular) * self._outline.radius
+
+    def _look(self, now: float) -> float:
+        """Take the newest scan; return its age in seconds, infinity where there is none."""
+        self._failure = ""
+        try:
+            scan = self._ranger.scan().value
+        except Exception as error:  # of whatever kind: without its eyes the base stands
+            self._failure = f": {str(error) or type(error).__name__}"
+            return inf
+        if scan is not None and scan is not self._scan:
+            pose = self._poses.at(scan.stamp)
+            if pose is not None:
+                self._points.add(scan, _placed(pose), now)
+                self._scan, self._came_at = scan, now
+        if self._scan is None:
+            return inf
+        # A stamp may lie in the future, where two clocks differ: such a scan ages from when it came.
+        return now - min(self._scan.stamp, self._came_at)
+
+    def _allowed(self, going: Velocity, limits: Limits, now: float) -> tuple[float, str]:
+        """Return the share of ``going`` at which the base can stop in time, and what is in the way of more."""
+        newest = self._poses.newest()
+        if newest is None:
+            return 0.0, SCANS_MISSING
+        stamp, values = newest
+        reaction = self._reaction + RENEWAL + max(0.0, now - stamp)
+        braking = max(abs(going.linear) / limits.linear_acceleration, abs(going.angular) / limits.angular_acceleration)
+        reach = self._reach(going)
+        length = max(reaction + braking / 2, GRAZING / reach)  # of the path, in seconds at full speed
+        found = self._near(_placed(values), going, length, reaction + braking)
+        if found is None:
+            return 1.0, ""
+        x, y, speeds = found
+        count = min(ceil(reach * length / SPACING), MAX_STATIONS)
+        times = np.linspace(0.0, length, count + 1)
+        clear = self._outline.clearance(x, y, _along(going, times))
+        own = clear[:, 0] < -OWN_PARTS
+        if own.any():
+            x, y, speeds, clear = x[~own], y[~own], speeds[~own], clear[~own]
+            if not len(x):
+                return 1.0, ""
+        now_clear = clear[:, :1]
+        passed = min(self._keys.gap, float(now_clear.min())) - NOISE
+        gap = np.where(clear.min(axis=1, keepdims=True) >= passed, max(MIN_GAP, passed), self._keys.gap)
+        margin = clear - np.minimum(now_clear, gap)
+        share, place = _share_until(margin, times, reaction, braking)
+        if self._points.moving and share > 0.0:
+            share, place = _share_among_moving(clear, now_clear, speeds, gap, times, reaction, braking, (share, place))
+        if share >= 1.0:
+            return 1.0, ""
+        return share, _words(float(now_clear[place, 0]), float(x[place]), float(y[place]))
+
+    def _near(
+        self, pose: Placed, going: Velocity, length: float, seconds: float
+    ) -> tuple[Floats, Floats, Floats] | None:
+        """Return the points that may matter, as the base sees them from ``pose``, and their speeds; None for none."""
+        points = self._points
+        heading, x, y = pose
+        dx, dy = points.x - x, points.y - y
+        within = self._outline.radius + self._keys.gap + abs(going.linear) * length
+        far = dx * dx + dy * dy
+        if points.moving:
+            near = np.flatnonzero(far <= (within + points.speeds * seconds) ** 2)
+        else:
+            near = np.flatnonzero(far <= within * within)
+        if not len(near):
+            return None
+        dx, dy, c, s = dx[near], dy[near], cos(heading), sin(heading)
+        return dx * c + dy * s, dy * c - dx * s, points.speeds[near]
+
+    def _leaves_sight(self, going: Velocity, limits: Limits) -> bool:
+        """Say whether the body leaves its place in a direction that the range finder does not see."""
+        gaps = self._points.gaps
+        if not gaps or self._keys.unseen == "free":
+            return False
+        length = self._reaction + RENEWAL + abs(going.linear) / limits.linear_acceleration / 2
+        path = _along(going, np.array([length]))
+        rim, c, s = self._outline.rim, cos(float(path.heading[0])), sin(float(path.heading[0]))
+        x = rim[:, 0] * c - rim[:, 1] * s + path.x[0]
+        y = rim[:, 0] * s + rim[:, 1] * c + path.y[0]
+        here = PathPoses(np.zeros(1), np.zeros(1), np.zeros(1))
+        outside = self._outline.clearance(x, y, here)[:, 0] > 1e-3
+        bearings = np.arctan2(y - self._points.place[1], x - self._points.place[0])[outside]
+        return any((np.remainder(bearings - first, 2 * np.pi) < width).any() for first, width in gaps)
+
+    def _tell(self, why: str, now: float) -> str:
+        """Report what is wrong with the scans, unless that was reported lately; return it."""
+        if now - self._reported.get(why, -inf) >= REPORTED_EVERY:
+            self._reported[why] = now
+            does = "the base stands" if why.startswith(SCANS_MISSING) else f"the base goes {BLIND_SPEED:g} m/s at most"
+            hint = "look at the range finder: mission doctor; without it: 'range_guard: off' in the robot file"
+            self._report(DeviceStatus("base", "fault", f"{why}: {does}", hint))
+        return why
+
+
+def _placed(values: tuple[float, ...]) -> Placed:
+    heading, x, y = values
+    return heading, x, y
+
+
+def _scaled(velocity: Velocity, share: float) -> Velocity:
+    return velocity if share == 1.0 else Velocity(share * velocity.linear, share * velocity.angular)
+
+
+def _along(velocity: Velocity, times: Floats) -> PathPoses:
+    """Return where a base is that goes on like that for each of ``times`` seconds."""
+    turned = velocity.angular * times
+    if abs(velocity.angular) < 1e-6:
+        return PathPoses(velocity.linear * times, np.zeros(len(times)), turned)
+    radius = velocity.linear / velocity.angular
+    return PathPoses(radius * np.sin(turned), radius * (1.0 - np.cos(turned)), turned)
+
+
+def _share_until(margin: Floats, times: Floats, reaction: float, braking: float) -> tuple[float, int]:
+    """Return the share of the speed with which the base stands before a margin is used up, and whose margin it is."""
+    least = margin.min(axis=0)
+    used = np.flatnonzero(least < -ROUNDING)
+    if not len(used):
+        return 1.0, 0
+    end = int(used[0])
+    place = int(margin[:, end].argmin())
+    if end == 0:
+        return 0.0, place
+    before, after = max(float(least[end - 1]), 0.0), float(least[end])
+    free = float(times[end - 1]) + float(times[end] - times[end - 1]) * before / (before - after)
+    # The base goes on at the share s for the reaction T, then brakes: s T + s^2 D / 2 is what is free.
+    if braking < 1e-9:
+        return min(1.0, free / reaction), place
+    return min(1.0, (sqrt(reaction * reaction + 2 * braking * free) - reaction) / braking), place
+
+
+def _share_among_moving(
+    clear: Floats,
+    now_clear: Floats,
+    speeds: Floats,
+    gap: Floats,
+    times: Floats,
+    reaction: float,
+    braking: float,
+    found: tuple[float, int],
+) -> tuple[float, int]:
+    """Return the same where some points move; ``found`` is what the others leave."""
+    moves = np.flatnonzero(speeds)
+    if not len(moves):
+        return found
+    clear, now_clear, gap, speeds = clear[moves], now_clear[moves], gap[moves], speeds[moves, None]
+    share, place = found
+    for tried in (found[0], *(each for each in SHARES if each < found[0])):
+        if tried == 0.0:
+            return 0.0, place
+        covered = np.flatnonzero(times <= tried * reaction + tried * tried * braking / 2 + 1e-9)
+        if covered[-1] + 1 < len(times):
+            covered = np.append(covered, covered[-1] + 1)
+        rest = np.maximum(times[covered] - tried * reaction, 0.0)
+        spent = np.minimum(times[covered] / tried, reaction)
+        if braking > 1e-9:
+            spent = spent + braking * (tried - np.sqrt(np.maximum(tried * tried - 2 * rest / braking, 0.0)))
+        margin = clear[:, covered] - np.minimum(now_clear, gap + speeds * spent)
+        worst = int(margin.min(axis=1).argmin())
+        if margin[worst].min() >= -ROUNDING:
+            return tried, place
+        share, place = tried, int(moves[worst])
+    return share, place
+
+
+def _words(distance: float, x: float, y: float) -> str:
+    """Say what is in the way: how far from the body, and in which direction."""
+    angle = degrees(atan2(y, x))
+    side = "left" if angle > 0 else "right"
+    if abs(angle) <= 30:
+        where = "ahead"
+    elif abs(angle) < 60:
+        where = f"ahead on the {side}"
+    elif abs(angle) <= 120:
+        where = f"on the {side}"
+    else:
+        where = "behind" if abs(angle) >= 150 else f"behind on the {side}"
+    return f"{IN_THE_WAY}, {max(distance, 0.0):.1f} m {where}"

@@ -1,0 +1,159 @@
+"""Points that a range finder has seen, in the odometry frame, and how fast each may be moving.
+
+A point that appears where an earlier scan saw free space has moved there: its speed is its distance from the nearest
+point of that scan, over the time between. Points that the newest scan cannot see any more, because its beams there
+return nothing, are kept for a while: a range finder measures nothing at very short range, nor of black legs.
+"""
+
+from collections import deque
+from math import cos, sin, tau
+
+import numpy as np
+
+from drivers.api import RangeScan
+from drivers.api.quick import dataclass
+from drivers.base.footprint import Floats
+
+Placed = tuple[float, float, float]
+"""A pose: heading in radians, x and y in metres, in the order of a base's pose history."""
+
+MAX_SPEED = 1.0
+"""m/s: nothing is taken to move faster."""
+
+COMPARED_AFTER = 0.3
+"""Seconds between the two scans that are compared: in less, a walking person moves hardly more than the noise."""
+
+NOISE, NOISE_SHARE, NOISE_TURNING = 0.04, 0.02, 0.08
+"""Metres that a point may be off, and the same as a share of its distance, at rest and per rad/s of turning."""
+
+NEAR = 1.5
+"""Metres from the finder within which points are kept that it does not see any more."""
+
+KEPT, KEPT_TOO_NEAR = 1.0, 5.0
+"""Seconds for which they are kept, and those that are too near to be measured."""
+
+TOO_NEAR = 0.05
+"""Metres beyond the shortest distance that the finder measures, up to which a point counts as too near."""
+
+NARROW = 0.21
+"""Radians: a gap in the scan that is no wider does not hide a leg at half a metre."""
+
+MAX_POINTS = 720
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedScan:
+    """A scan with the place of the finder at that time, and its points: all in the odometry frame."""
+
+    scan: RangeScan
+    heading: float
+    x: float
+    y: float
+    points_x: Floats
+    points_y: Floats
+
+
+class SeenPoints:
+    """The points of the newest scan and of what it may have missed. ``place`` is where the finder sits on the base.
+
+    ``x``, ``y`` and ``speeds`` have the shape (n,). Its time is handed in; not safe between threads.
+    """
+
+    def __init__(self, place: tuple[float, float, float], blind: tuple[tuple[float, float], ...] = ()) -> None:
+        self.x: Floats = np.empty(0)
+        self.y: Floats = np.empty(0)
+        self.speeds: Floats = np.empty(0)
+        self.moving = False
+        self.place = place
+        self.gaps: tuple[tuple[float, float], ...] = ()
+        """Directions from the finder that it does not see: the first bearing in radians and the width."""
+        self._blind = tuple((first, (second - first) % tau) for first, second in blind)
+        self._earlier: deque[PlacedScan] = deque()
+        self._seen_at: Floats = np.empty(0)
+
+    def add(self, scan: RangeScan, pose: Placed, now: float) -> None:
+        """Take a new scan, made while the base was at ``pose``."""
+        placed = self._placed(_thinned(scan), pose)
+        speeds = self._speeds(placed)
+        kept = self._kept(placed, now)
+        self.x = np.concatenate((placed.points_x, self.x[kept]))
+        self.y = np.concatenate((placed.points_y, self.y[kept]))
+        self.speeds = np.concatenate((speeds, np.zeros(int(kept.sum()))))
+        self._seen_at = np.concatenate((np.full(len(speeds), now), self._seen_at[kept]))
+        self.moving = bool(speeds.any())
+        self.gaps = tuple(gap for gap in (*self._blind, *_unscanned(scan)) if gap[1] > NARROW)
+        self._earlier.append(placed)
+        while len(self._earlier) > 1 and scan.stamp - self._earlier[1].scan.stamp >= COMPARED_AFTER:
+            self._earlier.popleft()
+
+    def _placed(self, scan: RangeScan, pose: Placed) -> PlacedScan:
+        heading, x, y = pose
+        ahead, left, _ = self.place
+        x, y = x + ahead * cos(heading) - left * sin(heading), y + ahead * sin(heading) + left * cos(heading)
+        seen = np.isfinite(scan.ranges)
+        far, bearings = scan.ranges[seen].astype(np.float64), heading + scan.bearings()[seen]
+        return PlacedScan(scan, heading, x, y, x + far * np.cos(bearings), y + far * np.sin(bearings))
+
+    def _speeds(self, placed: PlacedScan) -> Floats:
+        """Return how fast each new point has come nearer to where it is, in m/s."""
+        speeds: Floats = np.zeros(len(placed.points_x))
+        before = self._earlier[0] if self._earlier else None
+        past = 0.0 if before is None else placed.scan.stamp - before.scan.stamp
+        if before is None or past < COMPARED_AFTER or not len(before.points_x):
+            return speeds
+        turning = abs(placed.heading - before.heading) / past
+        index, distance = _beams(before, placed.points_x, placed.points_y)
+        farthest = before.scan.most if np.isfinite(before.scan.most) else 100.0
+        ranges = np.nan_to_num(before.scan.ranges.astype(np.float64), nan=farthest)
+        seen = np.minimum(ranges, np.minimum(np.roll(ranges, 1), np.roll(ranges, -1)))
+        noise = NOISE + (NOISE_SHARE + NOISE_TURNING * turning) * distance
+        inside = index < len(ranges)
+        came = np.flatnonzero(inside & (seen[np.where(inside, index, 0)] > distance + noise))
+        if not len(came):
+            return speeds
+        # Between the same two times, what has come into the free space was at some point of the earlier scan.
+        dx = placed.points_x[came, None] - before.points_x
+        dy = placed.points_y[came, None] - before.points_y
+        moved = np.sqrt((dx * dx + dy * dy).min(axis=1))
+        speeds[came] = np.minimum((moved + noise[came]) / past, MAX_SPEED)
+        return speeds
+
+    def _kept(self, placed: PlacedScan, now: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """Return which of the points so far may still be there, though the new scan does not show them."""
+        if not len(self.x):
+            return np.zeros(0, dtype=np.bool_)
+        index, distance = _beams(placed, self.x, self.y)
+        ranges = placed.scan.ranges
+        nothing = np.isnan(ranges) & np.isnan(np.roll(ranges, 1)) & np.isnan(np.roll(ranges, -1))
+        inside = index < len(ranges)
+        unseen = ~inside | nothing[np.where(inside, index, 0)]
+        most = np.where(distance <= placed.scan.least + TOO_NEAR, KEPT_TOO_NEAR, KEPT)
+        kept: np.ndarray[tuple[int], np.dtype[np.bool_]] = unseen & (distance <= NEAR) & (now - self._seen_at <= most)
+        return kept
+
+
+def _beams(placed: PlacedScan, x: Floats, y: Floats) -> tuple[np.ndarray[tuple[int], np.dtype[np.intp]], Floats]:
+    """Return by which beam of a scan each point would be seen (beyond the last: by none), and how far it is."""
+    dx, dy = x - placed.x, y - placed.y
+    scan = placed.scan
+    around = np.remainder(np.arctan2(dy, dx) - placed.heading - scan.start + scan.step / 2, tau)
+    return (around / scan.step).astype(np.intp), np.hypot(dx, dy)
+
+
+def _unscanned(scan: RangeScan) -> tuple[tuple[float, float], ...]:
+    """Return the directions that no beam of a scan has, as ``SeenPoints.gaps``."""
+    width = tau - len(scan.ranges) * scan.step
+    return ((scan.start + (len(scan.ranges) - 0.5) * scan.step, width),) if width > 0.0 else ()
+
+
+def _thinned(scan: RangeScan) -> RangeScan:
+    """Return a scan with ``MAX_POINTS`` beams at most, each the nearest of several."""
+    several = -(-len(scan.ranges) // MAX_POINTS)
+    if several == 1:
+        return scan
+    padded = np.full(-(-len(scan.ranges) // several) * several, np.nan, dtype=np.float32)
+    padded[: len(scan.ranges)] = scan.ranges
+    groups = np.nan_to_num(padded.reshape(-1, several), nan=np.inf).min(axis=1)
+    ranges = np.where(np.isinf(groups), np.nan, groups).astype(np.float32)
+    start = scan.start + (several - 1) * scan.step / 2
+    return RangeScan(ranges, start, several * scan.step, scan.stamp, scan.number, scan.least, scan.most)

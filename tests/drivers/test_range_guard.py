@@ -1,0 +1,327 @@
+"""The range guard of a base: it stops before what the range finder sees, and nobody is kept from leaving it."""
+
+import subprocess
+import sys
+from math import cos, hypot, pi, radians, remainder, sin
+from time import perf_counter
+
+import numpy as np
+import pytest
+
+from drivers.api import Pose2D, Sides, Source, Velocity, is_guarded
+from drivers.api.range_guard import IN_THE_WAY, OUT_OF_SIGHT, SCANS_LATE, SCANS_MISSING, RangeGuardKeys
+from drivers.base.footprint import Disc, PathPoses, Polygon
+from drivers.sim.people import Person
+from drivers.sim.room import Room
+from drivers.sim.things import Box
+from drivers.sim.world import World
+from tests.drivers.guarded import HALL, START, GuardedBase, ScriptedRanger
+
+CORNERS = ((0.2, 0.15), (0.2, -0.15), (-0.2, -0.15), (-0.2, 0.15))
+
+
+def hall_with(*places: tuple[float, float], size: float = 0.1) -> World:
+    boxes = (Box(f"post {n}", x, y, (size, size, 1.0), (90, 90, 90)) for n, (x, y) in enumerate(places))
+    return World(room=Room(40.0, 40.0, centre=(0.0, 0.0), fixtures=()), furniture=tuple(boxes))
+
+
+def after(linear: float, angular: float, seconds: float) -> Pose2D:
+    """Return where a base is that was at the origin and went on like that."""
+    turned = angular * seconds
+    if angular == 0.0:
+        return Pose2D(linear * seconds, 0.0, 0.0)
+    return Pose2D(linear / angular * sin(turned), linear / angular * (1 - cos(turned)), turned)
+
+
+# --- the swept area ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.3, 0.5, 1.0])
+@pytest.mark.parametrize("lag", [0.0, 0.2])
+def test_straight_ahead_it_stops_the_gap_before_a_wall(speed: float, lag: float) -> None:
+    room = GuardedBase(World(room=Room(3.0, 3.0, centre=(0.0, 0.0), fixtures=())), speed=speed, lag=lag)
+    room.drive(speed, seconds=20.0)
+    assert room.base.body.velocity == Velocity(0.0, 0.0)
+    assert 0.03 <= room.least_clear <= 0.08
+    assert room.because.startswith(IN_THE_WAY)
+    assert room.because.endswith("ahead")
+
+
+@pytest.mark.parametrize("linear", [0.4, -0.4])
+@pytest.mark.parametrize("angular", [0.0, 0.3, -0.3, 0.9, -0.9, 1.8, -1.8])
+@pytest.mark.parametrize("side", [-0.15, 0.0, 0.15])
+def test_on_every_arc_forwards_and_backwards_it_stops_before_what_its_body_would_sweep(
+    linear: float, angular: float, side: float
+) -> None:
+    there = after(linear, angular, 2.0)
+    x, y = there.x - side * sin(there.heading), there.y + side * cos(there.heading)
+    if hypot(x, y) < 0.3:
+        return  # it begins there
+    room = GuardedBase(hall_with((x, y), size=0.04))
+    room.drive(linear, angular, seconds=8.0)
+    assert not room.touched_moving
+    assert room.least_clear > 0.015
+    assert room.because.startswith(IN_THE_WAY)
+    assert room.base.body.velocity == Velocity(0.0, 0.0)
+
+
+def test_what_it_only_passes_does_not_stop_it() -> None:
+    room = GuardedBase(hall_with((1.0, 0.30), (1.5, -0.30)))
+    room.drive(0.3, seconds=8.0)
+    assert room.pose.x > 2.0
+
+
+@pytest.mark.parametrize("angle", [0, 20, 45, 90, 135, 180, -90])
+def test_a_base_beside_a_wall_turns_and_leaves_it(angle: float) -> None:
+    wall = World(room=Room(10.0, 10.0, centre=(0.0, 0.0), fixtures=()))  # its walls are 5 m away
+    room = GuardedBase(wall, start=Pose2D(5.0 - 0.177 - 0.03, 0.0, radians(angle)))
+    before = room.pose
+    room.drive(0.0, 1.5, seconds=4.0)
+    assert abs(room.pose.heading - before.heading) > 4.0
+    while abs(remainder(room.pose.heading - pi, 2 * pi)) > 0.1:
+        room.drive(0.0, 1.5, seconds=0.05)
+    room.drive(0.3, seconds=3.0)
+    assert room.pose.x < before.x - 0.4
+
+
+def test_a_base_beside_a_wall_backs_off_and_drives_along_it_but_comes_no_nearer() -> None:
+    wall = World(room=Room(10.0, 10.0, centre=(0.0, 0.0), fixtures=()))
+    near = 5.0 - 0.177 - 0.035
+    ahead = GuardedBase(wall, start=Pose2D(near, 0.0, 0.0))
+    ahead.drive(0.3, seconds=5.0)
+    assert ahead.pose.x == pytest.approx(near, abs=0.002)
+    ahead.drive(-0.3, seconds=2.0)
+    assert ahead.pose.x < near - 0.3
+    along = GuardedBase(wall, start=Pose2D(near, 0.0, pi / 2))
+    along.drive(0.3, seconds=6.0)
+    assert along.pose.y > 1.0
+
+
+def test_it_does_not_creep_up_to_a_wall_however_long_it_is_told_to() -> None:
+    room = GuardedBase(World(room=Room(3.0, 3.0, centre=(0.0, 0.0), fixtures=())), noise=0.02)
+    room.drive(0.5, seconds=10.0)
+    there = room.pose.x
+    room.drive(0.5, seconds=60.0)
+    assert room.pose.x == pytest.approx(there, abs=0.015)
+    assert room.least_clear > 0.02
+
+
+# --- its shape --------------------------------------------------------------------------------------------------------
+
+
+def test_the_distance_from_an_outline_is_never_more_than_it_truly_is() -> None:
+    here = PathPoses(np.zeros(1), np.zeros(1), np.array([radians(30)]))
+    x = np.tile(np.linspace(-1, 1, 41), 41)
+    y = np.repeat(np.linspace(-1, 1, 41), 41)
+    outline = Polygon(CORNERS)
+    u, v = x * cos(radians(30)) + y * sin(radians(30)), y * cos(radians(30)) - x * sin(radians(30))
+    true = np.hypot(np.maximum(abs(u) - 0.2, 0), np.maximum(abs(v) - 0.15, 0))
+    told = outline.clearance(x, y, here)[:, 0]
+    assert (told <= true + 1e-9).all()
+    assert (told >= true / 1.5 - 1e-9)[true > 0].all()
+    assert ((told > 0) == (true > 0)).all()
+    assert Disc(0.2).clearance(x, y, here)[:, 0] == pytest.approx(np.hypot(x, y) - 0.2)
+
+
+def test_a_rectangular_base_does_not_turn_its_corner_into_a_wall_and_turns_where_there_is_room() -> None:
+    ranger = ScriptedRanger()
+    room = GuardedBase(ranger=ranger, guard=RangeGuardKeys(footprint=CORNERS, gap=0.03))
+    wall = [(x / 50, 0.21) for x in range(-20, 21)]
+
+    def look() -> None:
+        turned = room.pose.heading
+        seen = [(x * cos(turned) + y * sin(turned), y * cos(turned) - x * sin(turned)) for x, y in wall]
+        ranger.see(room.now, *seen)
+
+    look()
+    room.drive(0.0, 1.0, seconds=3.0, each=look)
+    assert 0.02 < room.pose.heading < 0.4  # its corners are 25 cm from its middle
+    wall[:] = [(x, 0.4) for x, _ in wall]
+    room.drive(0.0, 1.0, seconds=3.0, each=look)
+    assert room.pose.heading > 2.0
+
+
+@pytest.mark.parametrize("corners", [(), ((0.1, 0.1),), ((0.1, 0.1), (0.2, 0.1), (0.1, 0.2))])
+def test_a_footprint_must_enclose_the_middle_of_the_base(corners: tuple[tuple[float, float], ...]) -> None:
+    assert [each.at for each in RangeGuardKeys(footprint=corners).mistakes()] == [("footprint",)]
+    assert not [*RangeGuardKeys(footprint=CORNERS).mistakes()]
+
+
+def test_parts_of_the_robot_itself_do_not_stop_it() -> None:
+    ranger = ScriptedRanger()
+    room = GuardedBase(ranger=ranger)
+    posts = [(0.12, 0.08), (0.12, -0.08), (-0.12, 0.08)]
+    room.drive(0.3, seconds=2.0, each=lambda: ranger.see(room.now, *posts))
+    assert room.pose.x > 0.4
+
+
+# --- whoever commands -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("source", [Source.MISSION, Source.TELEOP])
+def test_it_holds_whoever_commands_and_says_so_in_what_is_given(source: Source) -> None:
+    room = GuardedBase(World(room=Room(3.0, 3.0, centre=(0.0, 0.0), fixtures=())))
+    room.drive(0.5, seconds=10.0, source=source)
+    steering = room.base.steering()
+    assert steering.source is source
+    assert is_guarded(steering)
+    assert steering.given == Velocity(0.0, 0.0)
+    assert room.base.drive(Velocity(0.5, 0.0), source=source) == Velocity(0.0, 0.0)
+
+
+def test_it_does_not_back_off_from_a_bump_into_what_it_sees_behind() -> None:
+    room = GuardedBase(hall_with((-0.26, 0.0)), speed=0.3)
+    before = room.clear()
+    room.base.press(Sides(left=True))
+    room.drive(0.2, seconds=2.0)
+    assert room.least_clear >= min(before, 0.05) - 0.015
+
+
+def test_off_it_drives_as_it_is_told() -> None:
+    room = GuardedBase(World(room=Room(3.0, 3.0, centre=(0.0, 0.0), fixtures=())), guard="off")  # type: ignore[arg-type]
+    room.drive(0.5, seconds=10.0)
+    assert room.touched_moving
+
+
+# --- what moves -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("pace", [0.3, 0.6, 1.0])
+@pytest.mark.parametrize("speed", [0.25, 0.5])
+@pytest.mark.parametrize("angle", [0, 40, 90, -60])
+def test_it_stands_by_the_time_that_somebody_walks_into_it(pace: float, speed: float, angle: float) -> None:
+    # They meet where the base would be after 4 s.
+    meet, way = speed * 4.0, 4.0 * pace
+    x, y = meet + way * cos(radians(angle)), way * sin(radians(angle))
+    end = (meet - cos(radians(angle)), -sin(radians(angle)))
+    anna = Person("Anna", x=x, y=y, path=(end,), speed=pace, start=0.6, loop=False)
+    room = GuardedBase(World(room=Room(40.0, 40.0, centre=(0.0, 0.0), fixtures=()), people=(anna,)), speed=speed)
+    room.drive(speed, seconds=6.0)
+    assert not room.touched_moving
+
+
+def test_it_follows_somebody_who_walks_away() -> None:
+    anna = Person("Anna", x=0.9, y=0.0, path=((6.0, 0.0),), speed=0.4, start=0.6, loop=False)
+    room = GuardedBase(World(room=Room(40.0, 40.0, centre=(0.0, 0.0), fixtures=()), people=(anna,)))
+    room.drive(0.4, seconds=8.0)
+    assert room.pose.x > 2.2
+
+
+# --- what it cannot see -----------------------------------------------------------------------------------------------
+
+
+def test_late_scans_slow_it_down_and_missing_ones_stop_it_and_both_are_reported() -> None:
+    ranger = ScriptedRanger()
+    room = GuardedBase(ranger=ranger)
+    ranger.see(room.now)
+    room.drive(0.5, seconds=0.4)
+    assert room.base.body.velocity.linear > 0.15
+    room.drive(0.5, seconds=0.6)
+    assert room.base.body.velocity.linear == pytest.approx(0.1, abs=0.005)
+    assert room.because == SCANS_LATE
+    room.drive(0.5, seconds=1.3)
+    assert room.base.body.velocity == Velocity(0.0, 0.0)
+    assert room.because == SCANS_MISSING
+    assert [each.partition(":")[0] for each in room.faults] == [SCANS_LATE, SCANS_MISSING]
+    ranger.see(room.now, number=1)
+    room.drive(0.5, seconds=0.4)
+    assert room.base.body.velocity.linear > 0.15
+
+
+def test_what_was_seen_before_the_scans_became_late_still_stops_it() -> None:
+    ranger = ScriptedRanger()
+    room = GuardedBase(ranger=ranger)
+    ranger.see(room.now, (0.37, 0.0))
+    room.drive(0.5, seconds=1.9)
+    assert room.pose.x == pytest.approx(0.37 - 0.177 - 0.05, abs=0.02)
+
+
+@pytest.mark.parametrize("value", [None, RuntimeError("no such thing"), OSError()])
+def test_a_range_finder_that_never_came_or_raises_keeps_the_base_from_moving(value: Exception | None) -> None:
+    ranger = ScriptedRanger()
+    ranger.value = value
+    room = GuardedBase(ranger=ranger)
+    room.drive(0.5, 0.5, seconds=3.0)
+    assert room.pose == START
+    assert room.because.startswith(SCANS_MISSING)
+    assert (str(value) if value else "") in room.because
+    assert len(room.faults) == 1
+
+
+def test_scans_with_stamps_of_the_future_or_long_ago_do_not_stay_fresh() -> None:
+    ranger = ScriptedRanger()
+    room = GuardedBase(ranger=ranger)
+    ranger.see(room.now + 100.0)
+    room.drive(0.5, seconds=3.0)
+    assert room.because == SCANS_MISSING
+    numbers = iter(range(1, 10_000))
+    room.drive(0.5, seconds=3.0, each=lambda: ranger.see(room.now - 10.0, number=next(numbers)))
+    assert room.because == SCANS_MISSING
+
+
+@pytest.mark.parametrize("linear", [-0.4, 0.4])
+def test_it_goes_slowly_where_its_range_finder_does_not_look(linear: float) -> None:
+    ranger = ScriptedRanger()
+    room = GuardedBase(ranger=ranger)
+    room.drive(linear, seconds=3.0, each=lambda: ranger.see(room.now, width=240.0))
+    expected = 0.4 if linear > 0 else -0.1
+    assert room.base.body.velocity.linear == pytest.approx(expected, abs=0.005)
+    assert room.because == ("" if linear > 0 else OUT_OF_SIGHT)
+    free = GuardedBase(ranger=ranger, guard=RangeGuardKeys(unseen="free"))
+    free.drive(linear, seconds=3.0, each=lambda: ranger.see(free.now, width=240.0))
+    assert free.base.body.velocity.linear == pytest.approx(linear, abs=0.005)
+
+
+def test_what_is_too_near_to_be_measured_is_not_forgotten_at_once() -> None:
+    ranger = ScriptedRanger()
+    room = GuardedBase(ranger=ranger)
+    ranger.see(room.now, (0.25, 0.0))
+    room.run(0.2)
+    room.drive(0.3, seconds=0.9, each=lambda: ranger.see(room.now))
+    assert room.pose.x < 0.03
+
+
+# --- docking ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("speed", "near", "arrives"), [(0.05, True, True), (0.05, False, False), (0.15, True, False)])
+def test_a_base_that_hears_the_near_beams_of_its_dock_may_touch_it_gently(
+    speed: float, near: bool, arrives: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    room = GuardedBase(hall_with((0.6, 0.0), size=0.2))
+    monkeypatch.setattr(room.base, "_near_dock", lambda: near)
+    monkeypatch.setattr(room.base._mux.guard, "_near_dock", lambda: near)
+    room.drive(speed, seconds=12.0)
+    assert (room.clear() < 0.005) is arrives
+
+
+# --- what it costs ----------------------------------------------------------------------------------------------------
+
+
+def test_a_robot_without_a_range_finder_loads_nothing_for_it() -> None:
+    code = "import sys, drivers.kobuki.driver; print('numpy' in sys.modules, 'drivers.base.range_guard' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "False"]
+
+
+@pytest.mark.real_time
+def test_a_renewal_costs_less_than_a_third_of_a_millisecond() -> None:
+    ranger = ScriptedRanger()
+    room = GuardedBase(ranger=ranger)
+    around = [(0.6 * cos(radians(a)), 0.6 * sin(radians(a))) for a in range(360)]
+    ranger.see(room.now, *around)
+    guard, limits = room.base._mux.guard, room.base._mux._limits
+    assert guard is not None
+    times = []
+    for _ in range(300):
+        begun = perf_counter()
+        guard.limit(Velocity(0.4, 0.8), Velocity(0.5, 1.0), limits, room.now)
+        times.append(perf_counter() - begun)
+    assert sorted(times)[len(times) // 2] < 0.0003
+
+
+def test_open_floor_is_as_free_as_without_a_guard() -> None:
+    with_guard, without = GuardedBase(HALL), GuardedBase(HALL, guard="off")  # type: ignore[arg-type]
+    for room in (with_guard, without):
+        room.drive(0.5, seconds=3.0)
+    assert with_guard.pose == without.pose
