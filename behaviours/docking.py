@@ -16,6 +16,10 @@ ACTION = "dock"
 """What a Create 3 offers for it."""
 
 
+DOCK_TIME = 100.0
+"""Seconds in which a base finds its dock within hearing, and reaches it, at the third try perhaps, at 0.1 m/s."""
+
+
 class Dock(Entrusting):
     """Drive the base onto its dock, by the dock's infrared beams, or by the robot's own action.
 
@@ -56,6 +60,10 @@ class Dock(Entrusting):
         super().resume(state)
         if self._homing is not None and self._homing.stage is not Stage.DRIVE:
             self._homing = None
+
+    def seconds_needed(self, state: BaseState, start: Pose2D) -> float:
+        del state, start
+        return DOCK_TIME * max(1.0, 0.1 / self.speed)
 
     def go(self, state: BaseState, start: Pose2D) -> Status:
         del start

@@ -20,6 +20,12 @@ from drivers.api.gait import GaitKeys
 ON_ITS_SIDE = math.radians(30)
 """How little the trunk is pitched when it lies on its side."""
 
+ACT_TIME = 20.0
+"""Seconds that a stand or a sit can take."""
+
+CYCLE = 2.0
+"""Seconds of a cycle of a gait that does not say how long it is."""
+
 UPRIGHT_WITHIN = 2.0
 """Seconds after the last pose of a movement by which it is up, or it has failed."""
 
@@ -28,6 +34,10 @@ class Act(Paces):
     """Lets the legs perform an ``act``."""
 
     act: ClassVar[str]
+
+    def seconds_needed(self, state: BaseState, start: Pose2D) -> float:
+        del state, start
+        return ACT_TIME
 
     def go(self, state: BaseState, start: Pose2D) -> Status:
         del state, start
@@ -77,6 +87,10 @@ class PlayGait(Paces):
     def initialise(self) -> None:
         super().initialise()
         self._begun = False
+
+    def seconds_needed(self, state: BaseState, start: Pose2D) -> float | None:
+        del state, start
+        return None if self.cycles is None else (self.cycles + 2) * (self.gait.period or CYCLE) + ACT_TIME
 
     def go(self, state: BaseState, start: Pose2D) -> Status:
         del start

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("missiontree")
 
+BY_DEAD_RECKONING = "by dead reckoning: nothing measured how far the base went"
+"""Reason of a motion that succeeded on a base that measures nothing, and of its run."""
+
 
 class Observer(Protocol):
     """Who is told of every new status, at once and within the tick: it must neither wait nor raise.
@@ -60,7 +63,7 @@ class Run:
     comes as a KeyboardInterrupt.
 
     While the executive ticks, time stands still: ``now`` is what it is ``held`` at then. ``stored`` says that variables
-    may have changed; who tells of that sets it back.
+    may have changed; who tells of that sets it back. ``reckoned`` says that a motion has succeeded by dead reckoning.
 
     For who watches from another thread, by the ``wall`` clock (the run's own, unless that is a simulated one):
     ``alive_at`` is when the loop last showed that it goes on, ``working`` the leaf that has the word now. ``overheld``
@@ -86,6 +89,7 @@ class Run:
         self.overheld: tuple[Leaf, int, float] | None = None
         self.overstayed: tuple[str, float] | None = None
         self.stored = True
+        self.reckoned = False
         self.held: float | None = None
 
     def now(self) -> float:

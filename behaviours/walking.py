@@ -22,6 +22,9 @@ SLOWEST, SLOWEST_TURN = 0.03, math.radians(2)
 LAST_STEPS = 4.0
 """Seconds that a walk has to come to a stand."""
 
+GETTING_READY = 15.0
+"""Seconds in which the legs come to a stand before a walk begins."""
+
 
 class Paces(Motion):
     """Walks towards a goal, and ends in a stand; halted, it still makes the steps by which it comes to one."""
@@ -40,6 +43,11 @@ class Paces(Motion):
 
     def trouble(self, state: BaseState, steering: Steering) -> str:
         return "it has fallen" if state.fallen else super().trouble(state, steering)
+
+
+def seconds_to_walk(way: float, speed: float) -> float:
+    """Return how long a walk (m) or turn (rad) by steps can take: it stands up before, and comes to a stand."""
+    return abs(way) / max(abs(speed), 1e-6) + GETTING_READY + LAST_STEPS
 
 
 class Walk(Paces):
@@ -66,6 +74,10 @@ class Walk(Paces):
     def resume(self, state: BaseState) -> None:
         super().resume(state)
         self._at = None  # what a person drives is not of this walk
+
+    def seconds_needed(self, state: BaseState, start: Pose2D) -> float | None:
+        del state, start
+        return None if self.distance is None else seconds_to_walk(abs(self.distance) - abs(self._gone), self.velocity)
 
     @property
     def way(self) -> Way:
@@ -100,6 +112,9 @@ class TurnInPlace(Paces):
     keeps = Angle
     angle: float = argument("angle", "how far; positive is to the left", principal=True)
     speed: float = argument("turn rate", "how fast", default=math.radians(30), low=math.radians(1), high=math.pi)
+
+    def seconds_needed(self, state: BaseState, start: Pose2D) -> float:
+        return seconds_to_walk(self.angle - (state.pose.heading - start.heading), self.speed)
 
     @property
     def way(self) -> Way:

@@ -5,6 +5,7 @@ import math
 from py_trees.common import Status
 
 from behaviours.driving.motion import CRAWL, TURN_CRAWL, Motion
+from behaviours.driving.time_limit import seconds_to_drive, seconds_to_turn
 from behaviours.leaf import argument
 from drivers.api import Angle, BaseState, Pose2D, Velocity
 
@@ -23,6 +24,11 @@ class Arc(Motion):
     radius: float = argument("length", "of the circle", low=0.05, high=10.0)
     angle: float = argument("angle", "how far round; positive is to the left", default=math.tau)
     speed: float = argument("speed", "how fast along the circle", default=0.2, low=0.01, high=0.7)
+
+    def seconds_needed(self, state: BaseState, start: Pose2D) -> float:
+        left, limits = self.angle - (state.pose.heading - start.heading), self.robot.base.limits
+        driving = seconds_to_drive(left * self.radius, self.speed, limits)
+        return max(driving, seconds_to_turn(left, self.speed / self.radius, limits))
 
     def go(self, state: BaseState, start: Pose2D) -> Status:
         direction = math.copysign(1.0, self.angle)

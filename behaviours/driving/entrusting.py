@@ -1,12 +1,19 @@
 """Motions that nodes of ROS 2 do where the robot has some that can: begun, watched, cancelled, and waited for."""
 
+import math
 from abc import abstractmethod
 
 from py_trees.common import Status
 
 from behaviours.driving.motion import Motion, held_up
+from behaviours.driving.time_limit import NO_PROGRESS_LIMIT
 from behaviours.leaf import SUCCESS
-from drivers.api import BaseState, GoalState, Ros2
+from drivers.api import BaseState, GoalState, Pose2D, Ros2
+
+PROGRESS_WAY, PROGRESS_TURN = 0.05, math.radians(10)
+"""Metres and radians that count as progress."""
+
+NO_PROGRESS = f"no progress for {NO_PROGRESS_LIMIT:g} s"
 
 
 class Entrusting(Motion):
@@ -19,10 +26,11 @@ class Entrusting(Motion):
     uses = frozenset({"ros2"})
     halt_limit = 3.0
     _goal: int | None = None
+    _seen_at: Pose2D | None = None  # where the base was when it last made progress
 
     def initialise(self) -> None:
         super().initialise()
-        self._goal = None
+        self._goal = self._seen_at = None
         if self.robot.ros2_part is not None and not self.robot.base.latched:
             self._goal = self.entrust(self.robot.ros2_part)
 
@@ -43,9 +51,21 @@ class Entrusting(Motion):
         state, progress = self.state(), self.robot.ros2.progress(self._goal)
         doing = "waiting for the base to report" if state is None else self.watch(state)
         if not progress.over:
-            return self.wait(doing)
+            return self.fail(NO_PROGRESS) if self._stuck(state) else self.wait(doing)
         self.robot.base.stop()
         return SUCCESS if progress.state is GoalState.SUCCEEDED else self.fail(progress.reason or str(progress.state))
+
+    def _stuck(self, state: BaseState | None) -> bool:
+        """Return whether the base has stood still for too long."""
+        if state is None:
+            self._clock.stop()
+            return False
+        here, before = state.pose, self._seen_at
+        away = math.inf if before is None else math.hypot(here.x - before.x, here.y - before.y)
+        if before is None or away > PROGRESS_WAY or abs(here.heading - before.heading) > PROGRESS_TURN:
+            self._seen_at = here
+            self._clock.restart()
+        return self._clock.run(self.run.now(), self.robot.base.steering()) > NO_PROGRESS_LIMIT
 
     def terminate(self, new_status: Status) -> None:
         if self._goal is not None and new_status is not SUCCESS:

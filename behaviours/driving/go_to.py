@@ -7,6 +7,7 @@ from py_trees.common import Status
 from behaviours.driving.entrusting import Entrusting
 from behaviours.driving.motion import CRAWL, Way
 from behaviours.driving.spin import Spin
+from behaviours.driving.time_limit import seconds_to_drive, seconds_to_turn
 from behaviours.leaf import SUCCESS, argument
 from drivers.api import BaseState, Length, Pose2D, Ros2, Velocity
 from drivers.api.ros2 import START
@@ -31,7 +32,8 @@ class GoTo(Entrusting, Spin):
     in the way and at Nav2's own speed; then it ends as `navigate` does. Others know of nothing that is in the way: it
     fails when it bumps into something or comes to a cliff, when a wheel drops, while the base is stopped until somebody
     enables it, and when it has missed the place three times. While somebody steers the base by hand it waits, then
-    drives there from elsewhere.
+    drives there from elsewhere. On a base that measures nothing it ends where its commands should have led it, and
+    says so: "by dead reckoning".
     """
 
     word = "go_to"
@@ -73,6 +75,12 @@ class GoTo(Entrusting, Spin):
     def resume(self, state: BaseState) -> None:
         super().resume(state)
         self._there, self._turns, self._facing, self._tries = False, True, None, 0
+
+    def seconds_needed(self, state: BaseState, start: Pose2D) -> float:
+        del start
+        away, limits = math.hypot(self.x - state.pose.x, self.y - state.pose.y), self.robot.base.limits
+        # It turns to the place and at it, and may miss it.
+        return seconds_to_drive(away, self.speed, limits) + TRIES * seconds_to_turn(math.pi, TURN_SPEED, limits)
 
     def go(self, state: BaseState, start: Pose2D) -> Status:
         del start

@@ -6,7 +6,9 @@ from enum import Enum
 
 from py_trees.common import Status
 
+from behaviours.driving.time_limit import MotionClock, limit_of
 from behaviours.leaf import SUCCESS, Leaf
+from behaviours.run import BY_DEAD_RECKONING
 from drivers.api import STILL, Base, BaseState, Pose2D, Source, Steering, Velocity, is_guarded
 
 BRAKING, TURN_BRAKING = 0.5, 0.34
@@ -45,7 +47,8 @@ class Motion(Leaf):
 
     It fails by what the base feels in its way, and while the base is latched. While a person, or a reflex, has the
     wheels it waits, and goes on from where the base is then. What the base refuses for any other reason, such as an
-    edge that it has not left behind, fails it too; what the range guard sees in its way, once it has stayed there.
+    edge that it has not left behind, fails it too; what the range guard sees in its way, once it has stayed there; and
+    its time limit, see ``behaviours.driving.time_limit``.
     """
 
     needs = frozenset({"base"})
@@ -53,27 +56,57 @@ class Motion(Leaf):
     _start: Pose2D | None = None
     _stopping = False
     _refused_since: float | None = None
+    _clock: MotionClock
+    _limit: float | None = None
 
     def initialise(self) -> None:
         self._start, self._stopping, self._refused_since = None, False, None
+        self._clock, self._limit = MotionClock(), None
 
     def update(self) -> Status:
         state = self.state()
         if state is None or self._start is None:
+            self._clock.stop()
             return self.wait("waiting for the base to report")
         steering = self.robot.base.steering()
         trouble = held_up(self.robot.base) or disobeyed(steering) or self.trouble(state, steering)
         if trouble:
             return self.fail(trouble)
+        if state.settling and not self._stopping:
+            self._clock.stop()
+            return self.wait("waiting for the drift of the gyro to be known")
         override = overriding(steering)
         if override:
-            self._refused_since = None
+            self._refused_since, self._limit = None, None
+            self._clock.restart()
             self.resume(state)
             return self.wait(override)
+        late = self._overdue(state, steering)
+        if late:
+            return self.fail(late)
         status = self.go(state, self._start)
-        if state.reckoned and not self.feedback_message.endswith(RECKONED):
+        if state.reckoned and status is SUCCESS:
+            self.feedback_message = BY_DEAD_RECKONING
+            self.run.reckoned = True
+        elif state.reckoned and not self.feedback_message.endswith(RECKONED):
             self.feedback_message += RECKONED
         return status
+
+    def seconds_needed(self, state: BaseState, start: Pose2D) -> float | None:
+        """Return how long it can take from here on; None for a motion that goes on until it is halted."""
+        del state, start
+        return None
+
+    def _overdue(self, state: BaseState, steering: Steering) -> str:
+        """Say that it takes longer than it can take, or nothing."""
+        if self._start is None:
+            return ""
+        if self._limit is None:
+            seconds = self.seconds_needed(state, self._start)
+            self._limit = math.inf if seconds is None else limit_of(seconds)
+        if self._clock.run(self.run.now(), steering) <= self._limit:
+            return ""
+        return f"not done within its time limit of {self._limit:.0f} s"
 
     @property
     def way(self) -> Way:

@@ -6,11 +6,14 @@ from behaviours.driving.motion import REACTION, STANDSTILL, Motion
 from behaviours.leaf import SUCCESS
 from drivers.api import BaseState, Pose2D
 
+STOP_LIMIT = 5.0
+"""Seconds within which a base must stand that was stopped."""
+
 
 class Stop(Motion):
     """Stop the base.
 
-    Running until it stands still, then succeeds.
+    Running until it stands still, then succeeds; fails when it still moves after 5 s.
     """
 
     word = "stop"
@@ -29,4 +32,8 @@ class Stop(Motion):
         del start
         moving = max(abs(state.velocity.linear), abs(state.velocity.angular))
         # What it was told a moment before may still be on its way to the wheels.
-        return SUCCESS if moving < STANDSTILL and self.elapsed >= REACTION else self.wait("stopping")
+        if moving < STANDSTILL and self.elapsed >= REACTION:
+            return SUCCESS
+        if self.elapsed > STOP_LIMIT:
+            return self.fail(f"the base still moves {STOP_LIMIT:g} s after it was stopped")
+        return self.wait("stopping")

@@ -5,6 +5,7 @@ import math
 from py_trees.common import Status
 
 from behaviours.driving.motion import CRAWL, Motion, Way
+from behaviours.driving.time_limit import seconds_to_drive
 from behaviours.leaf import argument
 from drivers.api import BaseState, Length, Pose2D, Velocity
 
@@ -37,6 +38,9 @@ class Drive(Motion):
     def initialise(self) -> None:
         super().initialise()
         self._direction = math.copysign(1.0, self.distance)
+
+    def seconds_needed(self, state: BaseState, start: Pose2D) -> float:
+        return seconds_to_drive(self.distance - along(start, state.pose), self.speed, self.robot.base.limits)
 
     def resume(self, state: BaseState) -> None:
         super().resume(state)

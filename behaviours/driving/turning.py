@@ -6,6 +6,7 @@ from py_trees.common import Status
 
 from behaviours.driving.motion import Way
 from behaviours.driving.spin import Spin
+from behaviours.driving.time_limit import seconds_to_turn
 from behaviours.leaf import argument
 from drivers.api import Angle, BaseState, Pose2D
 
@@ -32,6 +33,9 @@ class Turn(Spin):
     def initialise(self) -> None:
         super().initialise()
         self._direction = math.copysign(1.0, self.angle)
+
+    def seconds_needed(self, state: BaseState, start: Pose2D) -> float:
+        return seconds_to_turn(start.heading + self.angle - state.pose.heading, self.speed, self.robot.base.limits)
 
     def resume(self, state: BaseState) -> None:
         super().resume(state)

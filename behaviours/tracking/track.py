@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from py_trees.common import Status
 
+from behaviours.driving.motion import disobeyed
 from behaviours.leaf import SUCCESS, Leaf, argument
 from behaviours.tracking.follow import Follower
 from behaviours.tracking.lag import Turning
@@ -53,7 +54,7 @@ class Track(Leaf):
         self._follower = Follower(self.controller, limits=limits, max_turn=max_turn, lag=lag)
 
     def update(self) -> Status:
-        trouble = self.trouble()
+        trouble = self._disobeyed() or self.trouble()
         if trouble:
             return self.fail(trouble)
         now = self.run.now()
@@ -123,6 +124,10 @@ class Track(Leaf):
         self._drive(self.forward(target, command.head.pan) if drives else 0.0, command.turn)
         off = math.degrees(max(abs(target.bearing), abs(target.elevation)))
         return self.wait(f"{self.noun} {target.id}, {off:.0f} deg off")
+
+    def _disobeyed(self) -> str:
+        """Say why the base was stopped because it did not do what it was told, or nothing."""
+        return "" if self.robot.base_part is None else disobeyed(self.robot.base.steering())
 
     def _base(self, now: float) -> Turning:
         """Return how the base stands and turns; a robot without a base stands still."""

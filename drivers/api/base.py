@@ -124,7 +124,8 @@ class BaseState:
 
     ``docked`` is True while it stands on the contacts of its dock; ``overcurrent`` names the wheels that are blocked.
     ``reckoned`` says that nothing measures how it moves: its pose and velocity are dead reckoning, what it was told
-    added up. ``hazards`` names all other dangers that the base reports, such as "backup limit" and "stall left"; see
+    added up. ``settling`` is True while it stands and the drift of its gyro is not known yet: to turn would err.
+    ``hazards`` names all other dangers that the base reports, such as "backup limit" and "stall left"; see
     ``drivers.base.hazards``. A base that measures no battery tells 0 V, and 100 percent. ``lean`` is how far from
     upright it stands, in radians; None where nothing measures that. ``fallen`` is True for one that lies; ``posture``
     is that of legs.
@@ -144,6 +145,7 @@ class BaseState:
     overcurrent: Sides = Sides()
     hazards: frozenset[str] = frozenset()
     reckoned: bool = False
+    settling: bool = False
     lean: float | None = None
     fallen: bool = False
     posture: Posture = Posture.UNKNOWN

@@ -77,11 +77,11 @@ class PlainBase(Mute, SteeredBase):
         self._link.open(self)
 
     def state(self) -> Reading[BaseState]:
-        """The newest report; stale when it came more than ``STALE_AFTER`` ago."""
+        """The newest report; stale when it came too long ago, by ``STALE_AFTER``."""
         latest, now = self._latest, self._clock.now()
         if latest.value is None:
             return replace(latest, stamp=now)
-        return latest if now - latest.stamp <= STALE_AFTER else replace(latest, quality=Quality.STALE)
+        return latest if now - latest.stamp <= self._stale_after else replace(latest, quality=Quality.STALE)
 
     def close(self) -> None:
         """Stand still, end the thread and release the port. Safe from any state, more than once."""
@@ -120,7 +120,7 @@ class PlainBase(Mute, SteeredBase):
             self._renew(now)
         if now - max(self._greeted_at, self._heard_at) >= ASKING:
             self._greet_now(now)
-        if not self._silent and now - max(self._connected_at, self._heard_at) > SILENT_AFTER:
+        if not self._silent and now - max(self._connected_at, self._heard_at) > self._silent_after:
             self._silent = True
             self._report(DeviceStatus(self.name, "offline", *self._silence(now)))
 
@@ -174,6 +174,16 @@ class PlainBase(Mute, SteeredBase):
         self._report(DeviceStatus(self.name, "fault", why, hint))
 
     @property
+    def _stale_after(self) -> float:
+        """Seconds after which a report is no longer fresh."""
+        return STALE_AFTER
+
+    @property
+    def _silent_after(self) -> float:
+        """Seconds without a report after which the base counts as offline."""
+        return SILENT_AFTER
+
+    @property
     def _resting(self) -> float:
         """Seconds from one renewal to the next while it stands and is to stand."""
         return RESTING
@@ -215,7 +225,7 @@ class PlainBase(Mute, SteeredBase):
 
     def _hears(self, now: float) -> bool:
         """True while reports arrive on this connection."""
-        return self._heard_at >= self._connected_at and now - self._heard_at <= SILENT_AFTER
+        return self._heard_at >= self._connected_at and now - self._heard_at <= self._silent_after
 
     @property
     def _newest(self) -> BaseState | None:

@@ -250,6 +250,7 @@ class KobukiBase(SteeredBase, Panel):
         self._tell_steering(steering)
 
     def _send(self, velocity: Velocity, times: int = 1) -> None:
+        self._listener.commanded(moves=velocity != STILL)
         self._sent_at = self._clock.now()
         self._link.write(encode(BaseControl.of(velocity.linear, velocity.angular)) * times)
 

@@ -55,6 +55,10 @@ class Listener:
             self._reported_at = now
         return states
 
+    def commanded(self, *, moves: bool) -> None:
+        """Take in whether the base is sent anything but to stand."""
+        self._senses.odometry.commanded = moves
+
     def counters(self) -> Mapping[str, int]:
         """Return totals: frames, what was wrong with the others, and how far apart the reports came."""
         return {

@@ -7,6 +7,7 @@ from functools import cache
 from math import cos, radians, sin
 
 from drivers.api import STILL, BaseState, DockBeam, DockSignals, Pose2D, Sides, Velocity
+from drivers.base.gyro_bias import GyroBias
 from drivers.kobuki.feedback import DROPPED_LEFT, DROPPED_RIGHT, METRES_PER_TICK, Core, DockInfrared, Inertia, Side
 
 GAP = 1.0
@@ -20,6 +21,9 @@ class Odometry:
     def __init__(self) -> None:
         self.pose = Pose2D(0.0, 0.0, 0.0)
         self.velocity = STILL
+        self.commanded = False
+        """Whether the base is sent anything but to stand; set by whoever sends."""
+        self.bias = GyroBias()
         self._last: tuple[Core, Inertia, float] | None = None
 
     def anchor(self) -> None:
@@ -38,17 +42,15 @@ class Odometry:
         if max(elapsed, now - before) > GAP:
             self.velocity = STILL
             return
-        travel = (
-            METRES_PER_TICK
-            / 2
-            * (
-                _wrap(core.left_encoder - core_before.left_encoder, 0x10000)
-                + _wrap(core.right_encoder - core_before.right_encoder, 0x10000)
-            )
-        )
-        self._move(travel, radians(_wrap(inertia.heading_cdeg - inertia_before.heading_cdeg, 36000) / 100))
+        left = _wrap(core.left_encoder - core_before.left_encoder, 0x10000)
+        right = _wrap(core.right_encoder - core_before.right_encoder, 0x10000)
+        travel = METRES_PER_TICK / 2 * (left + right)
+        turn = radians(_wrap(inertia.heading_cdeg - inertia_before.heading_cdeg, 36000) / 100)
+        still = left == right == 0 and not self.commanded
+        turn, rate = self.bias.correct(turn, inertia.rate, elapsed, still=still)
+        self._move(travel, turn)
         if elapsed > 0:
-            self.velocity = Velocity(travel / elapsed, inertia.rate)
+            self.velocity = Velocity(travel / elapsed, rate)
 
     def _move(self, travel: float, turn: float) -> None:
         """Go ``travel`` metres along the mean heading of a turn by ``turn`` radians: a chord of the arc."""
@@ -108,6 +110,7 @@ class Senses:
             docked=core.docked,
             dock=_heard(self._dock),
             overcurrent=_wheels(core.overcurrent, left=1, right=2),
+            settling=self.odometry.bias.settling,
         )
 
 

@@ -1,11 +1,13 @@
 """A base that is driven by ROS 2: its velocity a Twist or a TwistStamped, its pose from Odometry."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from math import atan2, cos, inf, isfinite, remainder, sin, tau
 from typing import Any, Unpack
 
 from drivers.api import STILL, BaseState, Lamp, Pose2D, Sides, Tune, Velocity
-from drivers.base.plain_base import RESTING, PlainBase
+from drivers.base.gyro_bias import GyroBias
+from drivers.base.plain_base import RESTING, SILENT_AFTER, STALE_AFTER, PlainBase
 from drivers.base.reckoning import TwoWheels
 from drivers.base.requests import check_light, check_tone
 from drivers.base.steered import Settings
@@ -49,6 +51,15 @@ FAR = 1e6
 MOST_SHARE = 1.1
 """Charge from which on a battery tells it in percent, and not as a share, which may be a little over 1."""
 
+SLOWEST_INTERVAL, MIN_INTERVAL = 0.4, 0.005
+"""Seconds between two messages of the slowest odometry that is waited for; and those that came at once."""
+
+STILL_WITHIN = 0.002
+"""m/s, and metres from one message to the next, below which a base stands."""
+
+DRIFTED = 0.01
+"""Radians of drift after which Nav2 is told again where our odometry begins in the robot's."""
+
 CHARGING = 1
 """The status of a battery that charges, as sensor_msgs numbers it."""
 
@@ -79,6 +90,9 @@ class Ros2Base(PlainBase):
         self._kinds: dict[str, tuple[str, ...]] = {}
         self._origin: tuple[Pose2D, Pose2D] | None = None  # a pose as it was told, and what that is for us
         self._raw: tuple[Pose2D, float] | None = None
+        self._bias = GyroBias(encoders=False)
+        self._turned_back = 0.0  # radians of drift since the robot's frame was told
+        self._interval = SLOWEST_INTERVAL
         self._hazards = self._brief = create3.HazardReport()  # now; and since the last odometry
         self._felt_at = -inf
         self._battery = (0.0, 100.0, False)
@@ -90,6 +104,7 @@ class Ros2Base(PlainBase):
         self._finder = wire.FrameFinder()
         self._kinds.clear()
         self._origin = self._raw = None
+        self._interval = SLOWEST_INTERVAL
         super().connected()
 
     def received(self, data: bytes) -> None:
@@ -132,6 +147,14 @@ class Ros2Base(PlainBase):
         self._halted()
 
     # --- what PlainBase asks for --------------------------------------------------------------------------------------
+
+    @property
+    def _stale_after(self) -> float:
+        return max(STALE_AFTER, 1.5 * self._interval)
+
+    @property
+    def _silent_after(self) -> float:
+        return max(SILENT_AFTER, 2.5 * self._interval)
 
     @property
     def _resting(self) -> float:
@@ -216,17 +239,40 @@ class Ros2Base(PlainBase):
         if not all(abs(figure) < FAR for figure in figures):  # nor is one that is no number
             raise ValueError("odometry of no robot")
         raw = Pose2D(at.x, at.y, yaw(turned))
-        pose = self._placed(raw, now, told.header.frame_id.lstrip("/"))  # a slash that tf refuses
+        pose, rate = self._undrifted(raw, Velocity(moves.linear.x, moves.angular.z), now, told.header.frame_id)
         felt, self._brief = self._brief, self._hazards
         volts, percent, charging = self._battery
-        velocity = Velocity(moves.linear.x, moves.angular.z)
+        velocity = Velocity(moves.linear.x, rate)
         before = self._latest.value
         state = BaseState(
             pose, velocity, felt.bumper, felt.cliff, felt.wheel_drop, hazards=felt.others,
             battery_voltage=volts, battery_percent=percent, charging=charging, docked=self._docked,
+            settling=self._bias.settling,
         )  # fmt: skip
         self._tell(before, [state])
         self._take(state, now)
+
+    def _undrifted(self, raw: Pose2D, moves: Velocity, now: float, frame_id: str) -> tuple[Pose2D, float]:
+        """Return where that is for us, and the turn rate, without the drift of its gyro as it was learnt at rest."""
+        before, frame = self._raw, frame_id.lstrip("/")  # a slash that tf refuses
+        pose = self._placed(raw, now, frame)
+        if before is None or now - before[1] < MIN_INTERVAL:
+            return pose, moves.angular - self._bias.rate
+        was, seconds = before[0], now - before[1]
+        self._interval = min(max(seconds, 0.9 * self._interval), SLOWEST_INTERVAL)
+        turn = remainder(raw.heading - was.heading, tau)
+        rolled = max(abs(moves.linear), abs(raw.x - was.x), abs(raw.y - was.y))
+        still = rolled < STILL_WITHIN and not self._mux.monitor.watching
+        left, rate = self._bias.correct(turn, moves.angular, seconds, still=still)
+        if left == turn:
+            return pose, rate
+        self._turned_back += turn - left
+        pose = replace(pose, heading=pose.heading - (turn - left))
+        self._origin = raw, pose
+        if abs(self._turned_back) > DRIFTED:
+            self._turned_back = 0.0
+            self._anchored(_undone(raw, pose), frame)
+        return pose, rate
 
     def _placed(self, raw: Pose2D, now: float, frame: str) -> Pose2D:
         """Return where that is for us, whose pose is continuous."""

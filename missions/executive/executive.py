@@ -8,7 +8,7 @@ from py_trees.common import Status
 
 from behaviours.leaf import Leaf
 from behaviours.node import Node
-from behaviours.run import Run
+from behaviours.run import BY_DEAD_RECKONING, Run
 from drivers.api.kinds import SOUNDING
 from drivers.api.quick import dataclass
 from missions.executive.answers import Answers
@@ -31,7 +31,10 @@ may be the very one that it has interrupted."""
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """How a run ended: ``result`` is success, failure, interrupted or error."""
+    """How a run ended: ``result`` is success, failure, interrupted or error.
+
+    A success has a ``reason`` only where motions succeeded by dead reckoning.
+    """
 
     mission: str
     result: str
@@ -283,7 +286,7 @@ class Executive:
             self._halt_all()
         else:
             outcome = "success" if status is Status.SUCCESS else "failure"
-            reason = self.root.reason if status is Status.FAILURE else ""
+            reason = self.root.reason if status is Status.FAILURE else BY_DEAD_RECKONING * self.run.reckoned
         return Result(self.mission, outcome, reason, self.time(), self.run.tick)
 
     def _halt_all(self) -> None:

@@ -329,6 +329,7 @@ class LaggingBase(RecordedBase):
         if self.reading.value is not None:
             self._mux.feel(self.reading.value, now)
         wanted = self._mux.velocity(now, self.reading.value)
+        self._odometry.commanded = wanted != STILL
         self.wheels.command(wanted.linear, wanted.angular, now)
 
     def _measure(self, now: float) -> None:

@@ -28,11 +28,12 @@ def events_of(tree: str, folder: Path) -> tuple[str, str, list[Event]]:
 
 
 def test_a_drive_is_a_time_at_a_speed_and_says_that_it_is_dead_reckoning(tmp_path: Path) -> None:
-    result, _, events = events_of(DRIVE, tmp_path)
-    assert result == "success"
+    result, end, events = events_of(DRIVE, tmp_path)
+    assert (result, end) == ("success", "by dead reckoning: nothing measured how far the base went")
     assert [event.text for event in events if isinstance(event, Logged) and event.level == "info"] == ["yes 0.5"]
     reasons = [event.reason for event in events if isinstance(event, NodeChanged) and event.reason]
     assert any("(dead reckoning)" in reason for reason in reasons)
+    assert [event.reason for event in events if isinstance(event, NodeChanged) and event.reason == end]
 
 
 @pytest.mark.parametrize("condition", ["until: base.x > 30 cm", "while: base.heading < 1 rad", "if: base.y > 0 m"])

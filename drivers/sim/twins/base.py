@@ -222,6 +222,7 @@ class BaseTwin(SteeredBase, PanelTwin):
 
     def _obey(self, velocity: Velocity, now: float) -> None:
         """Tell the body how to move, as the wire would."""
+        self._odometry.commanded = velocity != STILL
         self.body.command(*BaseControl.of(velocity.linear, velocity.angular).velocity, now)
 
     def _feel(self) -> None:
@@ -252,6 +253,7 @@ class BaseTwin(SteeredBase, PanelTwin):
             docked=docked,
             dock=self._signals,
             overcurrent=self.body.overcurrent,
+            settling=self._odometry.bias.settling,
         )
 
     def _feels(self, now: float) -> BaseState | None:

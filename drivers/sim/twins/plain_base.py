@@ -3,7 +3,8 @@
 from dataclasses import replace
 from typing import Unpack
 
-from drivers.api import BaseState, Velocity
+from drivers.api import STILL, BaseState, Velocity
+from drivers.base.gyro_bias import GyroBias
 from drivers.base.progress_monitor import Instruments
 from drivers.base.reckoning import Reckoning, TwoWheels
 from drivers.base.steered import Settings
@@ -39,6 +40,8 @@ class PlainTwin(BaseTwin):
         self._reckoned = reckoned
         self._gauge = gauge
         self._gyro = gyro
+        self._bias = GyroBias(encoders=False)
+        self._commanded = False
         self._reckoning = Reckoning()
 
     @property
@@ -54,7 +57,7 @@ class PlainTwin(BaseTwin):
             return
         self.late.put(now, (now, self._rolls()))
         for at, rolls in self.late.due(now):
-            self._reckoning.advance(at, rolls)
+            self._reckoning.advance(at, self._corrected(rolls) if self._gyro else rolls)
 
     def _rolls(self) -> Velocity:
         """Return how it moves by its encoders, whether its wheels slip or not, and by its gyro, where it has one."""
@@ -62,15 +65,22 @@ class PlainTwin(BaseTwin):
         drift = self.body.gyro.rate if self._gyro else 0.0
         return Velocity((left + right) / 2, (right - left) / self.body.wheels.separation + drift)
 
+    def _corrected(self, rolls: Velocity) -> Velocity:
+        """Return a velocity without the bias of the gyro."""
+        still = not self._commanded and rolls.linear == 0.0
+        turn, _ = self._bias.correct(rolls.angular * self.PERIOD, rolls.angular, self.PERIOD, still=still)
+        return Velocity(rolls.linear, turn / self.PERIOD)
+
     def _touches(self) -> Contacts:
         return NOTHING, NOTHING, NOTHING, frozenset(), frozenset(), False
 
     def _obey(self, velocity: Velocity, now: float) -> None:
+        self._commanded = velocity != STILL
         given = self._wheels.within(velocity)
         self.body.command(given.linear, given.angular, now)
         if self._reckoned:
             self._reckoning.advance(now, given)
 
     def _state(self) -> BaseState:
-        state = replace(super()._state(), reckoned=self._reckoned)
+        state = replace(super()._state(), reckoned=self._reckoned, settling=self._bias.settling)
         return state if self._gauge else replace(state, battery_voltage=0.0, battery_percent=100.0, charging=False)
