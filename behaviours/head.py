@@ -5,7 +5,7 @@ import math
 from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS, Leaf, argument
-from drivers.api import HeadPose, Reading
+from drivers.api import Head, HeadPose, Reading
 
 ARRIVED = math.radians(1.0)
 """Within this angle the head has arrived; a hobby servo takes whole degrees."""
@@ -69,7 +69,7 @@ class _Looking(Leaf):
             here = "the head is on its way" if reading.value is None else f"the head is at {shown(reading.value)}"
             return self.wait(f"{here}, on its way to {wanted}")
         self.result = reading.value
-        self.feedback_message = f"looks at {wanted}"
+        self.feedback_message = f"looks at {wanted}{unmeasured(self.robot.head)}"
         return SUCCESS
 
     def terminate(self, new_status: Status) -> None:
@@ -81,7 +81,7 @@ class Look(_Looking):
     """Turn the head.
 
     Running until the head looks there (or as near as its limits allow), then succeeds. Fails when the head comes to
-    rest elsewhere.
+    rest elsewhere. Hobby servos do not report where they stand: their success says "(not measured)".
     """
 
     word = "look"
@@ -133,6 +133,11 @@ def arrived(reading: Reading[HeadPose], goal: HeadPose, within: float = ARRIVED)
     """True when the head is known to be at ``goal``, within so many radians: as nearly as its servos can."""
     pose = reading.value
     return pose is not None and reading.good and apart(pose, goal) <= within
+
+
+def unmeasured(head: Head) -> str:
+    """Return the note that belongs to each success on a head whose servos report nothing."""
+    return "" if head.limits.measured else " (not measured)"
 
 
 def apart(one: HeadPose, other: HeadPose) -> float:

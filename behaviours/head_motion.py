@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from py_trees.common import Status
 
-from behaviours.head import Arrival, shown
+from behaviours.head import Arrival, shown, unmeasured
 from behaviours.leaf import SUCCESS, Leaf, argument
 from drivers.api import HeadPose
 
@@ -59,10 +59,17 @@ class _Gesture(_Swinging):
     axis: ClassVar[str] = ""
     times: int
     _arrival: Arrival
+    _swung = 0.0  # radians from where it looked, as measured
 
     def initialise(self) -> None:
         super().initialise()
-        self._arrival = Arrival()
+        self._arrival, self._swung = Arrival(), 0.0
+
+    def _note(self, home: HeadPose) -> None:
+        """Note how far the head has turned."""
+        here = self.robot.head.pose()
+        if here.good and here.value is not None:
+            self._swung = max(self._swung, abs(getattr(here.value, self.axis) - getattr(home, self.axis)))
 
     def update(self) -> Status:
         home = self.home()
@@ -72,11 +79,16 @@ class _Gesture(_Swinging):
         # No head turns sooner than it can come from side to side.
         half = max(self.period / 2, self.robot.head.limits.time_for(2 * amplitude))
         turns = int(self.swinging / half)
+        self._note(home)
         if turns < 2 * self.times:
             self.turn(home, self.axis, middle + (amplitude if turns % 2 == 0 else -amplitude))
             return self.wait(f"{turns // 2 + 1} of {self.times}")
         goal, reading = self.robot.head.look(home), self.robot.head.pose()
         if self._arrival(reading, goal, self.run.now()):
+            if self.robot.head.limits.measured and self._swung < amplitude / 2:
+                far = f"{math.degrees(self._swung):.1f} of {math.degrees(amplitude):.1f} deg"
+                return self.fail(f"the head turned by {far} only: blocked?")
+            self.feedback_message = f"back at {shown(goal)}{unmeasured(self.robot.head)}"
             return SUCCESS
         if self._arrival.stuck and reading.value is not None:
             return self.fail(f"the head rests at {shown(reading.value)} and does not come back to {shown(goal)}")
@@ -87,7 +99,7 @@ class Nod(_Gesture):
     """Nod: down and up, and back to where the head looked.
 
     Running until that is done, then succeeds. A head that cannot do it that fast takes longer. Fails when the head does
-    not come back.
+    not turn, or does not come back.
     """
 
     word = "nod"
@@ -103,7 +115,7 @@ class ShakeHead(_Gesture):
     """Shake the head: left and right, and back to where it looked.
 
     Running until that is done, then succeeds. A head that cannot do it that fast takes longer. Fails when the head does
-    not come back.
+    not turn, or does not come back.
     """
 
     word = "shake_head"

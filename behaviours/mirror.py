@@ -68,6 +68,8 @@ class _Led(Leaf):
         if silent := self._silent(couplings, leading, led):
             self._following = False
             return self.wait(f"waiting for {', '.join(silent)} to report")
+        if blocked := [led[each.follower].blocked for each in couplings if led[each.follower].blocked]:
+            return self.fail("; ".join(blocked))
         self._at = {each: (leading[each.leader].position, led[each.follower].position) for each in couplings}
         stiff = tuple(dict.fromkeys(each.leader for each in couplings if leading[each.leader].torque))
         if not self._couplings:

@@ -64,6 +64,11 @@ class JointAxis:
         return 1
 
     @property
+    def measured(self) -> bool:
+        """True: the joint reports its angle."""
+        return True
+
+    @property
     def range(self) -> tuple[float, float]:
         """The angles in radians that the head may have and the joint can reach, least and greatest."""
         return max(self.lower, self.least - self.trim), min(self.upper, self.most - self.trim)
@@ -122,13 +127,14 @@ class JointsHead(LedHead[JointAxis], Generic[J]):
         """Start moving to ``target``; return the pose accepted after clamping, in radians.
 
         Raises BadRequest if it is not finite, NotConnected while one of its joints is not there, DeviceFault while they
-        are latched.
+        are latched, or one is blocked.
         """
         self._way.check(target)
         if not self._there:
             health = self.health()
             raise NotConnected(health.detail or f"{self.name}: not there yet", hint=health.hint)
         self._joints.move({})  # may they be moved at all?
+        self._try_again(target)
         return self._way.look(target, self._clock.now())
 
     def stop(self) -> None:
@@ -141,6 +147,8 @@ class JointsHead(LedHead[JointAxis], Generic[J]):
             led = zip((here.pan, here.tilt), self._way.advance(now), strict=True)
             pan, tilt = (stands if abs(step.angle - stands) > far else None for stands, step in led)
             self._way.let_go(pan=pan, tilt=tilt, now=now)
+        if blocked := self._blocked():
+            self._joints.hold(blocked)  # which may be tried again from now on
 
     def pose(self) -> Reading[HeadPose]:
         """Where the joints were measured last; stale while one is not there, and none before both first were."""
@@ -187,7 +195,7 @@ class JointsHead(LedHead[JointAxis], Generic[J]):
         here = self._take(pan.value, tilt.value, min(pan.stamp, tilt.stamp))
         if not self._there:
             self._appear(here, now)
-        self._yield(here, pan.value.torque, tilt.value.torque, now)
+        self._yield(here, _led(pan.value), _led(tilt.value), now)
         try:
             self._lead(now)
         except NotConnected:
@@ -218,7 +226,7 @@ class JointsHead(LedHead[JointAxis], Generic[J]):
         self._report(DeviceStatus(self.name, "online", "both joints are there"))
 
     def _yield(self, here: HeadPose, pan: bool, tilt: bool, now: float) -> None:
-        """Go on from where it stands with a joint that was stiff, and is so no more: relaxed, or shut down."""
+        """Go on from where it stands with a joint that is led no more: relaxed, shut down, or blocked."""
         limp = [was and not now_is for was, now_is in zip(self._stiff, (pan, tilt), strict=True)]
         self._stiff = (pan, tilt)
         if any(limp):
@@ -232,8 +240,22 @@ class JointsHead(LedHead[JointAxis], Generic[J]):
     def _lead(self, now: float) -> None:
         goals = self._goals(now)
         if goals != self._sent:
-            self._joints.move(goals)
+            blocked = self._blocked()
+            self._joints.move({joint: goal for joint, goal in goals.items() if joint not in blocked})
             self._sent = goals
+
+    def _blocked(self) -> list[str]:
+        """Return the joints that their driver has given up."""
+        readings = ((axis.joint, self._joints.states()[axis.joint].value) for axis in self._way.axes)
+        return [joint for joint, state in readings if state is not None and state.blocked]
+
+    def _try_again(self, target: HeadPose) -> None:
+        """Let joints that are blocked go on by a step. Raises DeviceFault for one that does not go that way."""
+        blocked, here = self._blocked(), self._newest.value
+        for axis, wanted, stands in zip(self._way.axes, (target.pan, target.tilt), _angles(here), strict=True):
+            if axis.joint in blocked:
+                step = math.copysign(ASTRAY, wanted - stands)
+                self._joints.move({axis.joint: stands + axis.trim + step})
 
     def _lose(self) -> None:
         """Give up the goal, but not the first one before it was ever pursued."""
@@ -285,6 +307,15 @@ def _within(name: str, axis: JointAxis, joints: Joints) -> JointAxis:
         known = ", ".join(joints.limits)
         raise BadRequest(f"{name}: no joint '{axis.joint}' (there are {known})", hint="look at the arm's joints")
     return replace(axis, least=limits.lower, most=limits.upper)
+
+
+def _led(state: JointState) -> bool:
+    """Whether a joint goes where it is sent."""
+    return state.torque and not state.blocked
+
+
+def _angles(pose: HeadPose | None) -> tuple[float, float]:
+    return (0.0, 0.0) if pose is None else (pose.pan, pose.tilt)
 
 
 def _cure(health: Health) -> str:

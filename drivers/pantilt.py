@@ -49,6 +49,11 @@ class Axis(Protocol):
         ...
 
     @property
+    def measured(self) -> bool:
+        """Whether the motor reports its angle."""
+        ...
+
+    @property
     def range(self) -> tuple[float, float]:
         """The angles of the head (radians) that it may have and can reach, least and greatest."""
         ...
@@ -116,7 +121,9 @@ class PanTilt(Generic[A]):
 
     def _limits_now(self) -> HeadLimits:
         pan, tilt = self._axes
-        return HeadLimits(pan.range, tilt.range, self._speed, self._acceleration)
+        return HeadLimits(
+            pan.range, tilt.range, self._speed, self._acceleration, measured=pan.measured and tilt.measured
+        )
 
     @property
     def still(self) -> bool:

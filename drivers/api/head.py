@@ -28,12 +28,16 @@ HEAD_ACCELERATION = 7.0
 
 @dataclass(frozen=True, slots=True)
 class HeadLimits:
-    """How far the head turns (radians), how fast (rad/s), and how hard it speeds up and brakes (rad/s^2); both axes."""
+    """How far the head turns (radians), how fast (rad/s), and how hard it speeds up and brakes (rad/s^2); both axes.
+
+    ``measured`` is False for servos that report nothing: the pose is computed from what they were sent.
+    """
 
     pan: tuple[float, float]
     tilt: tuple[float, float]
     speed: float
     acceleration: float = HEAD_ACCELERATION
+    measured: bool = True
 
     def clamp(self, pose: HeadPose) -> HeadPose:
         """Return the nearest pose within the limits."""

@@ -26,7 +26,7 @@ class JointState:
     """What one joint feels.
 
     ``position`` and ``goal`` in radians, ``velocity`` in rad/s, ``load`` in -1..1 of the stall torque, ``voltage`` in
-    volts, ``temperature`` in degrees Celsius.
+    volts, ``temperature`` in degrees Celsius. ``blocked`` says why its driver has given up its goal, and holds it.
     """
 
     position: float
@@ -37,6 +37,7 @@ class JointState:
     temperature: float
     moving: bool
     torque: bool
+    blocked: str = ""
 
     @property
     def error(self) -> float | None:
@@ -77,7 +78,7 @@ class Joints(Device, Protocol):
         """Start moving the named joints to ``goals`` (radians), all in one packet; return the goals after clamping.
 
         ``speeds`` in rad/s, by name; a joint without one goes at its limit's speed.
-        Raises BadRequest for an unknown joint or a value that is not finite.
+        Raises BadRequest for an unknown joint or a value that is not finite, DeviceFault for a joint that is blocked.
         """
         ...
 

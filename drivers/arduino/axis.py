@@ -18,10 +18,13 @@ TRAILING = 0.0125
 they were sent 50 times a second, while they stay where they are until sent on, and then need their time."""
 
 STARTS = (90, 120, 90, 90)
-"""Degrees to which the later Rodney sketches, those that have encoders, send servos 0 to 3 when they start."""
+"""Degrees to which the Rodney sketches with encoders send servos 0 to 3 when they start."""
 
 ATTACHED = 92
-"""Degrees at which the first sketches, which send them nowhere, have all servos: the library's 1500 microseconds."""
+"""Degrees at which a servo is that was attached and sent nowhere: the Servo library's 1500 microseconds."""
+
+FIRST_STARTS = (90, 120, ATTACHED, ATTACHED)
+"""The same of the first sketch (Parts 01 to 04), which has no encoders, and sends servos 0 and 1 only."""
 
 
 SHORT = math.radians(0.25)
@@ -36,7 +39,7 @@ class ServoAxis:
     As the pan/tilt node of the Rodney project has it: ``lower`` and ``upper`` bound the angle of the joint; 0 is 90
     degrees of the servo; ``flip`` is for a servo that turns the other way; ``trim`` (radians, +-45 degrees) corrects a
     horn that sits askew, and is added last, in the servo's own direction. ``start`` is where the sketch sends the servo
-    when it starts, in degrees as it takes them; None is where the Rodney sketch sends it.
+    when it starts, in degrees as it takes them; None is where the Rodney sketches of Part 01 and later send it.
     Raises ValueError for values that no servo can have.
     """
 
@@ -65,6 +68,11 @@ class ServoAxis:
         """-1 for a servo that turns the other way than the head."""
         return -1 if self.flip else 1
 
+    @property
+    def measured(self) -> bool:
+        """False: a hobby servo reports nothing."""
+        return False
+
     def trimmed(self, trim: float) -> Self:
         """Return the same servo with another trim (radians). Raises ValueError for one that it cannot have."""
         return replace(self, trim=trim)
@@ -77,16 +85,15 @@ class ServoAxis:
 
     @property
     def awake(self) -> int:
-        """The degrees at which it stands once a later sketch has started."""
+        """The degrees at which it stands once a sketch with encoders has started."""
         return self.awake_by(later=True)
 
     def awake_by(self, *, later: bool) -> int:
-        """Return the degrees at which it stands once the sketch has started, a ``later`` one or one of the first."""
+        """Return the degrees at which it stands once the sketch has started, a ``later`` one or the first."""
         if self.start is not None:
             return self.start
-        if not later:
-            return ATTACHED
-        return STARTS[self.index] if self.index < len(STARTS) else MIDDLE
+        starts = STARTS if later else FIRST_STARTS
+        return starts[self.index] if self.index < len(starts) else MIDDLE
 
     def to_degrees(self, angle: float) -> int:
         """Return what to send for ``angle`` radians: the nearest whole degree in 0..180."""

@@ -38,10 +38,11 @@ class WheelRates:
 class Mounted(Protocol):
     """A pan/tilt device on the board. One of the three is called at a time, mostly from the link's thread."""
 
-    def stands(self, degrees: Mapping[int, int], *, later: bool) -> Mapping[int, int]:
-        """Its servos stand at these ``degrees``, by their numbers, else where the sketch puts them: a ``later`` one?
+    def stands(self, degrees: Mapping[int, int], *, later: bool, known: bool) -> Mapping[int, int]:
+        """Set the angles of its servos to these ``degrees``, by their numbers, else to where the sketch puts them.
 
-        Return where they stand then.
+        ``later`` selects the sketch with encoders. Unless they are ``known``, it stays until it is commanded. Returns
+        the angles.
         """
         ...
 
@@ -64,7 +65,8 @@ class Board:
     Angles are sent only while it is sure that the board has not begun anew since its servos were known to stand where
     they do: see ``drivers.arduino.vigil``. One that does not answer at once when its port was opened is starting, and
     asked again after ``boot_delay`` seconds. One that does has been running: its servos stand where we left them, or
-    ``remembered`` says; else that is not known, and they are taken to stand where the sketch puts them.
+    ``remembered`` says; else that is not known, they are taken to stand where the sketch puts them, and stay there
+    until they are commanded. DTR stays on when the port is closed, so that the next program does not reset the board.
     After it was away ``away`` says what of before goes on. The port is open while any of its devices is.
     """
 
@@ -124,6 +126,8 @@ class Board:
         self._devices = tuple(each for each in self._devices if each is not device)
         if not self._devices:
             self._link.close()
+            if self._remembered is not None:
+                self._remembered.close()
 
     def send(self, device: Mounted) -> None:
         """Send what is due for ``device`` now, from whatever thread. Raises NotConnected when the port has gone."""
@@ -179,6 +183,7 @@ class Board:
 
     def connected(self) -> None:
         """Begin a session with a board that may be booting."""
+        self._link.set_dtr(on=True)
         self._lose()
         before = self._session
         session = Session(
@@ -222,13 +227,22 @@ class Board:
 
     def ending(self) -> None:
         """Tell the board to stop sending, and remember where it was left."""
+        if self._met:
+            self._remember()
         self._link.write(wire.STOP_SENDING)
-        if self._remembered is not None and self._met:
-            self._remembered.keep(self._sent if len(self._sent) == self._servos else {})
+
+    def _remember(self) -> None:
+        """Keep where the servos are, also for after a `kill -9` of this program."""
+        if self._remembered is not None:
+            if len(self._sent) == self._servos:
+                self._remembered.keep(self._sent)
+            else:
+                self._remembered.forget()
 
     def _settle(self, life: Life, session: Session) -> None:
         """Take account of what the board has done."""
         left = self._remembered.take() if self._remembered is not None and not self._met else {}
+        known = True
         if life is Life.ANEW:
             self._sent = {}
         elif self._met:
@@ -237,10 +251,12 @@ class Board:
                 self._absence.latch(unknown, graver=True)
                 self._lose()
                 self._sent = {}  # the next program is not to believe it
+                self._remember()
             return
         else:
             self._sent = left
-            if not left and self._remembered is not None:
+            known = bool(left) or self._remembered is None
+            if not known:
                 what = (
                     "its board has been running, and nobody knows where its servos stand: the first movement may leap"
                 )
@@ -251,9 +267,11 @@ class Board:
         self._sent = {
             index: angle
             for device in self._devices
-            for index, angle in device.stands(self._sent, later=session.later).items()
+            for index, angle in device.stands(self._sent, later=session.later, known=known).items()
         }
         self._servos = len(self._sent)
+        if known:
+            self._remember()
 
     def _send(self, session: Session, topic: int, devices: tuple[Mounted, ...]) -> bool:
         """Send what is due, if it is sure that the board is the one that we know; else ask the board first.
@@ -271,6 +289,7 @@ class Board:
         angles = [angle for device in devices for angle in device.due(now)]
         if angles:
             self._sent.update((angle.index, angle.angle) for angle in angles)
+            self._remember()
             session.vigil.sent(len(angles), now)
             self._write(topic, angles)
         return False

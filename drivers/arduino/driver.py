@@ -21,7 +21,8 @@ class ArduinoHead(LedHead[ServoAxis]):
     servo lags behind it by a few hundredths of a second.
 
     The sketch sends its servos to positions of its own when it starts. From there the head goes to ``start`` at first
-    (unless it is to ``stay``), and later nowhere before it is told; a goal does not survive the loss of the connection.
+    (unless it is to ``stay``, or nobody knows where it stands), and later nowhere before it is commanded; a goal does
+    not survive the loss of the connection.
     After ``close`` the board keeps its servos where they are.
     ``changed`` is called whenever the pose has changed, mostly from the link's thread.
     """
@@ -101,13 +102,13 @@ class ArduinoHead(LedHead[ServoAxis]):
 
     # --- on the board: see drivers.arduino.board.Mounted ---------------------------------------------------------
 
-    def stands(self, degrees: Mapping[int, int], *, later: bool) -> Mapping[int, int]:
-        """Go on from where the servos stand; stay there, but for the first time. Return where that is."""
+    def stands(self, degrees: Mapping[int, int], *, later: bool, known: bool) -> Mapping[int, int]:
+        """Go on from where the servos stand; stay there, but for the first time that it is known where that is."""
         now = self._clock.now()
         axes = self._way.axes
         self._sent = tuple(degrees.get(axis.index, axis.awake_by(later=later)) for axis in axes)
         pan, tilt = (axis.to_radians(sent) for axis, sent in zip(axes, self._sent, strict=True))
-        if self._began:
+        if self._began or not known:
             self._way.let_go(pan=pan, tilt=tilt, now=now)
         else:
             self._way.place(HeadPose(pan, tilt), now)

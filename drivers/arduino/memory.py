@@ -1,12 +1,17 @@
 """Where the servos of a board were left, kept from one program to the next, for as long as that can be true."""
 
+import errno
 import json
+import os
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
 MAX_FILE_SIZE = 10_000
 """Bytes of such a file at most."""
+
+RECORD_SIZE = 256
+"""Bytes that are written at once: a record is shorter, and filled up with spaces."""
 
 
 class Memory:
@@ -19,12 +24,35 @@ class Memory:
     def __init__(self, folder: Path, port: str) -> None:
         self._port = port
         self._path = folder / f"servos{port.replace('/', '-')}.json"
+        self._file = -1
 
     def keep(self, degrees: Mapping[int, int]) -> None:
-        """Keep where the servos were sent last, by their numbers; where that cannot be, nothing is kept."""
+        """Keep where the servos were sent last, by their numbers; where that cannot be, nothing is kept.
+
+        One write of a fixed size replaces the one before, so that a program that is killed leaves either of them.
+        """
+        try:
+            text = json.dumps({"of": self._node(), "degrees": dict(degrees)}).ljust(RECORD_SIZE).encode()
+            if self._file < 0:
+                self._path.parent.mkdir(parents=True, exist_ok=True)
+                self._path.unlink(missing_ok=True)  # whatever stands there
+                self._file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+            if os.pwrite(self._file, text, 0) < len(text):
+                raise OSError(errno.ENOSPC, "not written whole")
+        except OSError:
+            self.forget()
+
+    def forget(self) -> None:
+        """Keep nothing: a wrong place would make the head leap."""
+        self.close()
         with suppress(OSError):
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._path.write_text(json.dumps({"of": self._node(), "degrees": dict(degrees)}), encoding="utf-8")
+            self._path.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Let go of the file, which stays."""
+        file, self._file = self._file, -1
+        if file >= 0:
+            os.close(file)
 
     def take(self) -> dict[int, int]:
         """Return what was kept, if it still holds, and keep it no longer: from now on the servos are moved."""
@@ -33,7 +61,7 @@ class Memory:
                 return {}
             with self._path.open("rb") as file:
                 found = json.loads(file.read(MAX_FILE_SIZE))
-            self._path.unlink()
+            self.forget()
             if found["of"] != self._node():
                 return {}
             return {int(index): min(max(int(angle), 0), 180) for index, angle in found["degrees"].items()}

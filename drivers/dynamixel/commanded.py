@@ -5,13 +5,14 @@ in the driver's own loop: each goal goes out in the round that read its leader.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from math import degrees, inf
 from typing import Literal
 
 from drivers.absence import Absence, Enabling
 from drivers.api import Away, Coupling, DeviceStatus, JointLimits, Report
 from drivers.api.following import Following
+from drivers.api.joints import joint_called
 from drivers.clock import Clock
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
@@ -19,6 +20,7 @@ from drivers.dynamixel.refusals import narrowed
 from drivers.dynamixel.telling import Telling
 from drivers.dynamixel.torque import go
 from drivers.guard import guarded
+from drivers.joint_progress import HINT
 
 EPISODE = 10.0
 """Seconds without a goal beyond the limits of a joint after which the next one is worth a word again."""
@@ -87,6 +89,10 @@ class CommandedJoints(Enabling, ABC):
         self._changed = guarded(changed)
         self._telling = Telling(self.name, joints, self._report)
         self._clamping = Clamping(self.name, joints, self._report)
+        self.watched = True
+        """False where nobody is to look whether joints get where they are sent, such as those that carry a walker."""
+        for joint, described in joints.items():
+            described.progress.title = f"joint {joint_called(self.name, joint)}"
 
     @property
     def described(self) -> Mapping[str, Joint]:
@@ -117,6 +123,23 @@ class CommandedJoints(Enabling, ABC):
     def relax(self, joints: Collection[str] | None = None) -> None:
         """Switch the torque of the named joints (None: all) off, and let them follow no more. Safe as ``hold``."""
         self._command(self._joints if joints is None else joints, stiff=False)
+
+    def _permit(self, goals: Mapping[str, float], now: float) -> None:
+        """Raise DeviceFault for a joint that is blocked on its way there."""
+        for name, goal in goals.items():
+            self._joints[name].progress.permit(goal, now)
+
+    def _look(self, joints: Iterable[Joint]) -> list[Joint]:
+        """Compare where joints are sent with where they were read; return those that are given up, and tell of them."""
+        given_up = []
+        for joint in joints if self.watched else ():
+            state = joint.reading.value
+            if state is None or not joint.torque or joint.shut:
+                joint.progress.hold(None)
+            elif said := joint.progress.look(state.position, state.load, joint.reading.stamp):
+                self._report(DeviceStatus(self.name, "fault", said, HINT))
+                given_up += [joint] if joint.progress.blocked else []
+        return given_up
 
     @abstractmethod
     def _command(self, names: Collection[str], *, stiff: bool) -> None:

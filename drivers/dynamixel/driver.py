@@ -139,13 +139,14 @@ class DynamixelJoints(CommandedJoints):
         Joints that followed others do so no more. Goals that had to be clamped are told, once an episode. Joints whose
         servo is silent, shut down or not what it should be are left out, with a notice. Raises BadRequest
         for an unknown joint or a value that is not finite, NotConnected when the bus is gone or has just come back,
-        DeviceFault while it is latched.
+        DeviceFault while it is latched, or a joint is blocked.
         """
         asked, speeds = self._clock.now(), speeds or {}
         check_move(self.name, goals, speeds, self._joints)
         with self._lock:
             self._require(asked)
             now = self._clock.now()
+            self._permit(goals, now)
             accepted = self._clamping.accept(goals, now)
             self._leading.end(goals)
             go(self._bus, [self._joints[name] for name in goals], accepted, speeds, now)
@@ -228,7 +229,10 @@ class DynamixelJoints(CommandedJoints):
             joints = [self._joints[name] for name in names]
             for joint in joints:
                 joint.wanted = stiff
-            return settle(self._bus, joints, stiff=stiff, now=self._clock.now())
+            unsettled = settle(self._bus, joints, stiff=stiff, now=self._clock.now())
+            for joint in joints:
+                joint.progress.hold(joint.goal if stiff else None)
+            return unsettled
 
     # --- the driver's thread ------------------------------------------------------------------------------------------
 
@@ -266,11 +270,20 @@ class DynamixelJoints(CommandedJoints):
             self._stand()
         wanted = self._attention.wanted(self._joints.values(), self._leading.joints | self._attended, began)
         self._watch.read(wanted, meanwhile=self._go_on)
+        self._give_up(wanted)
         with self._lock:
             self._leading.lead(since=began, now=self._clock.now())
         self._go_on()
         if self._watch.tend():
             self._stand()
+
+    def _give_up(self, read: Collection[Joint]) -> None:
+        """Hold the joints where they stand that do not get where they are sent; let go of those that run away."""
+        with self._lock:
+            for joint in self._look(read):
+                self._leading.end([joint.name])
+                joint.wanted = not joint.progress.runs_away
+                settle(self._bus, [joint], stiff=joint.wanted, now=self._clock.now())
 
     def _stand(self) -> None:
         """Let what is stiff stand where it is, and nothing follow: what was decided before goes on no more."""

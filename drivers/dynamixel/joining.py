@@ -71,6 +71,7 @@ def restore(bus: Bus, joint: Joint, *, now: float) -> None:
     table = joint.model.table
     joint.touched = True
     joint.goal = joint.sent = None
+    joint.progress.hold(None)
     joint.shut = joint.down
     joint.torque = bool(joint.value("torque_enable"))
     if joint.wanted is False:

@@ -15,6 +15,7 @@ from drivers.dynamixel.models import MODELS, Model
 from drivers.dynamixel.register import Block, Register
 from drivers.dynamixel.wire import LASTING, Fault
 from drivers.errors import BadRequest
+from drivers.joint_progress import JointProgress
 
 ELSEWHERE = radians(5)
 """A joint that is found farther than this from where it stood is elsewhere: it was turned, or is another."""
@@ -102,6 +103,7 @@ class Joint:
     mute: bool = False  # on a port that is open, it did not say whether it is
     strayed: bool = False  # it was found elsewhere than it stood, or was away for long, and has not come over yet
     left_out: bool = False  # the last move of it went without it
+    progress: JointProgress = field(init=False)
     at: At = field(init=False)
     table: bytearray = field(init=False, repr=False)
     _senses: tuple[Register, ...] = field(init=False, repr=False)  # what its state is made of
@@ -115,6 +117,7 @@ class Joint:
         others = ("present_voltage", "present_temperature", "moving")
         self._senses = tuple(model.table[name] for name in (*senses, *others))
         self.limits = self.widest
+        self.progress = JointProgress(f"joint {self.name}")
 
     @property
     def widest(self) -> JointLimits:
@@ -154,6 +157,7 @@ class Joint:
             temperature=float(temperature),
             moving=bool(moving),
             torque=self.torque,
+            blocked=self.progress.blocked,
         )
 
     @property

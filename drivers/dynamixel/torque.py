@@ -123,12 +123,15 @@ def go(bus: Bus, joints: Sequence[Joint], goals: Mapping[str, float], speeds: Ma
     going = ready(bus, joints, now=now)
     for joint in joints:
         joint.left_out = joint not in going
+        if joint.left_out:
+            joint.progress.hold(None)
     for joint in going:
         goal = goals[joint.name]
         speed = paced(joint, goal, speeds.get(joint.name, joint.limits.speed), joint.position_at(now))
         if (goal, speed) != (joint.goal, joint.speed):
             joint.goal, joint.speed, joint.sent = goal, speed, None
         joint.wanted, joint.unsettled = True, False
+        joint.progress.command(goal, speed, now)
     go_on(bus, going, now=now)
 
 

@@ -19,7 +19,7 @@ from drivers.api import (
     Report,
     ignore,
 )
-from drivers.arduino.axis import TRAILING, ServoAxis, next_degrees
+from drivers.arduino.axis import MIDDLE, TRAILING, ServoAxis, next_degrees
 from drivers.arduino.memory import Memory
 from drivers.clock import Clock
 from drivers.errors import NotConnected
@@ -127,6 +127,8 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
         """Hold at once, and let the keeper go."""
         self._hold()
         self._link.close()
+        if self._remembered is not None:
+            self._remembered.close()
 
     def health(self) -> Health:
         """Say whether a keeper answers, and the figures of its wire."""
@@ -141,7 +143,8 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
     # --- the link's thread: see drivers.link.Talker -------------------------------------------------------------------
 
     def connected(self) -> None:
-        """Ask who is there."""
+        """Ask who is there. DTR stays on when the port is closed, so that the next program does not reset a board."""
+        self._link.set_dtr(on=True)
         self._hold()
         self._lines = LineFinder()
         self._before, self._boot = self._boot or self._before, None
@@ -207,7 +210,8 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
         axes, told = self._way.axes, (found.first, found.second)
         left = self._remembered.take() if self._remembered is not None and self._told is None else {}
         unknown = wire.UNKNOWN in told and not {0, 1} <= left.keys()
-        guess = self._told or tuple(left.get(number, axis.awake) for number, axis in enumerate(axes))
+        middle = tuple(MIDDLE if axis.start is None else axis.start for axis in axes)  # the least far from any place
+        guess = self._told or tuple(left.get(number, at) for number, at in enumerate(middle))
         first, second = (old if new == wire.UNKNOWN else new for new, old in zip(told, guess, strict=True))
         self._sent = (first, second)
         pan, tilt = (axis.to_radians(degree) for axis, degree in zip(axes, self._sent, strict=True))

@@ -34,6 +34,7 @@ from drivers.base.mute import Mute
 from drivers.base.requests import require
 from drivers.base.steered import Settings, SteeredBase
 from drivers.clock import Clock
+from drivers.dynamixel.commanded import CommandedJoints
 from drivers.errors import DeviceFault, DriverError, NotConnected
 from drivers.legs.acts import Acts
 from drivers.legs.approach import is_near
@@ -73,6 +74,8 @@ class LegsBase(Mute, SteeredBase):
         **settings: Unpack[Settings],
     ) -> None:
         super().__init__(clock, **settings)
+        if isinstance(joints, CommandedJoints):
+            joints.watched = False  # the floor keeps joints from their goals that carry a body
         self._joints, self._engine, self._felt_now = joints, engine, felt
         self._at_fall, self._tucked, self._compensation = at_fall, tucked, compensation
         self._legs = engine.body.walking

@@ -8,10 +8,12 @@ from threading import RLock
 from drivers.absence import Absence, Enabling
 from drivers.api import Away, Coupling, DeviceStatus, Health, JointLimits, JointState, Reading, Report, ignore
 from drivers.api.following import Following
+from drivers.api.joints import joint_called
 from drivers.clock import Clock
 from drivers.dynamixel.refusals import check_couplings, check_move, check_names
 from drivers.errors import NotConnected
 from drivers.guard import guarded
+from drivers.joint_progress import HINT, JointProgress
 from drivers.link import Link
 from drivers.ros2 import wire
 from drivers.ros2.line import Channel, absent
@@ -49,6 +51,7 @@ class TopicJoints(Enabling):
         self._report = guarded(report)
         self._bounds, self._felt = Bounds(name, self._joints, self._report), Felt(self._joints)
         self._lock = RLock()  # over what is sent, whoever sends it
+        self._progress = {each: JointProgress(f"joint {joint_called(name, each)}") for each in joints}
         self._absence = Absence(away)
         self._following = Following()
         self._finder = wire.FrameFinder()
@@ -74,12 +77,15 @@ class TopicJoints(Enabling):
     def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
         """Start moving the named joints to ``goals`` (radians); return the goals after clamping.
 
-        Raises BadRequest for an unknown joint or a value that is not finite, NotConnected, DeviceFault while latched.
+        Raises BadRequest for an unknown joint or a value that is not finite, NotConnected, DeviceFault while latched or
+        blocked.
         """
         check_move(self.name, goals, speeds or {}, self._joints)
         with self._lock:
             self._require()
             now = self._clock.now()
+            for joint, goal in goals.items():
+                self._progress[joint].permit(goal, now)
             accepted = self._bounds.accept(goals, now)
             self._following.end(accepted)
             self._go(accepted, speeds or {}, now)
@@ -91,7 +97,10 @@ class TopicJoints(Enabling):
         """The newest state of each joint; effort and temperature are not known, and told as 0."""
         now = self._clock.now()
         there = self._there and self._link.online
-        return {name: self._felt.reading(name, self._ways.get(name), now, there=there) for name in self._joints}
+        return {
+            name: self._felt.reading(name, self._ways.get(name), now, there=there, blocked=progress.blocked)
+            for name, progress in self._progress.items()
+        }
 
     def hold(self, joints: Collection[str] | None = None) -> None:
         """Let the named joints (None: all) stand where they are now. Raises BadRequest for an unknown joint."""
@@ -99,6 +108,8 @@ class TopicJoints(Enabling):
         check_names(self.name, set(names), self._joints)
         with self._lock:
             self._following.end(names)
+            for name in names:
+                self._progress[name].hold(None)
             if not self._there:
                 self._miss(names)
                 return
@@ -201,6 +212,7 @@ class TopicJoints(Enabling):
             self._absence.heard(now)
             if self._following:
                 self._lead(now)
+            self._give_up(now)
             array = self._kinds.get(1) != TRAJECTORY
             if not self._settled and (array or now - self._sent_at >= RENEWAL):
                 self._send(now)
@@ -261,6 +273,15 @@ class TopicJoints(Enabling):
                 start = way.position(now)
             speed = min(max(speeds.get(name, fastest), SLOWEST), fastest)
             self._ways[name] = Way(start, now, goal, speed)
+            self._progress[name].command(goal, speed, now)
+
+    def _give_up(self, now: float) -> None:
+        """Let the joints stand where they are that do not get where they are sent."""
+        for name, progress in self._progress.items():
+            if said := self._felt.look(name, progress):
+                self._report(DeviceStatus(self.name, "fault", said, f"{HINT}; is its controller running?"))
+                self._following.end([name])
+                self._ways[name], self._settled, self._sent_at = self._still(name, now), False, -inf
 
     def _still(self, name: str, now: float) -> Way:
         here = self._felt.position(name)

@@ -7,6 +7,7 @@ from typing import Any
 from drivers.api import DeviceStatus, JointLimits, JointState, Quality, Reading, Report
 from drivers.api.quick import dataclass
 from drivers.dynamixel.refusals import narrowed
+from drivers.joint_progress import JointProgress
 from drivers.ros2 import wire
 from drivers.ros2.declared import JOINT
 from drivers.ros2.line import Channel
@@ -162,14 +163,21 @@ class Felt:
         """Return the joints of which nothing comes."""
         return [name for name in self._joints if name not in self._all or now - self._all[name][2] > SILENT_AFTER]
 
-    def reading(self, name: str, way: Way | None, now: float, *, there: bool) -> Reading[JointState]:
+    def look(self, name: str, progress: JointProgress) -> str:
+        """Let ``progress`` look at the newest position of a joint; return what it says."""
+        if not progress.active or name not in self._all:
+            return ""
+        position, _, stamp = self._all[name]
+        return progress.look(position, 0.0, stamp)
+
+    def reading(self, name: str, way: Way | None, now: float, *, there: bool, blocked: str = "") -> Reading[JointState]:
         """Return the state of a joint that is on a ``way``. What ROS 2 does not tell is 0."""
         if name not in self._all:
             return Reading(None, now, Quality.NONE)
         position, velocity, stamp = self._all[name]
         moving = abs(velocity) > MOVING or (there and way is not None and way.left(now) > 0)
         goal = None if way is None else way.goal
-        state = JointState(position, velocity, goal, 0.0, 0.0, 0.0, moving, torque=True)
+        state = JointState(position, velocity, goal, 0.0, 0.0, 0.0, moving, torque=True, blocked=blocked)
         return Reading(state, stamp, Quality.GOOD if there and now - stamp <= FRESH else Quality.STALE)
 
 

@@ -11,19 +11,23 @@ FRICTION = 0.05
 
 @dataclass(slots=True)
 class Shaft:
-    """One output shaft. ``position`` and ``goal`` in any one unit of angle, ``speed`` in that unit per second."""
+    """One output shaft. ``position`` and ``goal`` in any one unit of angle, ``speed`` in that unit per second.
+
+    ``grip`` is the share of its way that it makes: 0 while it is blocked, -1 for one that turns the wrong way.
+    """
 
     position: float
     goal: float
     speed: float
     stamp: float = 0.0
+    grip: float = 1.0
 
     def advance(self, now: float) -> float:
         """Turn until time ``now`` and return the position. Time that does not rise changes nothing."""
         elapsed = max(0.0, now - self.stamp)
         self.stamp = max(self.stamp, now)
         reach = self.speed * elapsed
-        self.position += min(max(self.goal - self.position, -reach), reach)
+        self.position += self.grip * min(max(self.goal - self.position, -reach), reach)
         return self.position
 
     @property

@@ -22,7 +22,7 @@ from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.keeper import VirtualCar, VirtualServos
 from drivers.virtual.kobuki import VirtualKobuki
 from drivers.virtual.plugged import Plugged
-from drivers.virtual.rodney import ATTACHED, VirtualRodney
+from drivers.virtual.rodney import FIRST, VirtualRodney
 from drivers.virtual.rplidar import VirtualLidar
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.waveshare import VirtualWaveshare
@@ -81,7 +81,8 @@ def rodney(keys: ArduinoKeys, stage: Stage) -> Plugged:  # noqa: ARG001
     pan, tilt = axis(keys.pan), axis(keys.tilt)
     if keys.protocol == "lines":
         return _kept(VirtualServos((pan.awake, tilt.awake), baud=keys.baud), pan, tilt, "nano")
-    device = VirtualRodney(baud=keys.baud, logs=True, starts=ATTACHED)
+    own = {axis.index: axis.start for axis in (pan, tilt) if axis.start is not None}
+    device = VirtualRodney(baud=keys.baud, logs=True, starts=[own.get(index, at) for index, at in enumerate(FIRST)])
     return Plugged(
         device,
         "nano",

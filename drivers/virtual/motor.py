@@ -10,6 +10,9 @@ from drivers.sim.servo import FRICTION, Shaft
 from drivers.virtual.memory import Memory
 from drivers.virtual.settings import Mode
 
+STALL = 2.0
+"""Share of the stall torque that a blocked shaft would need: more than there is."""
+
 TURN = 4096
 """Steps of an STS in a turn, after which its position begins anew."""
 
@@ -18,7 +21,7 @@ class Motor:
     """Turns ``shaft``, in radians from the middle of the range, positive anticlockwise seen facing the horn.
 
     ``turning`` is how fast it does in rad/s; ``stalled_since`` the time since when it pushes in vain. While it is
-    ``weak`` it has no force, whatever the table says.
+    ``weak`` it has no force, whatever the table says. ``frozen`` is the position (ticks) that a broken sensor reports.
     """
 
     def __init__(self, memory: Memory, angle: float) -> None:
@@ -26,6 +29,7 @@ class Motor:
         self.turning = 0.0
         self.stalled_since: float | None = None
         self.weak = False
+        self.frozen: int | None = None
         self._memory = memory
         self._model = memory.model
         table = memory.model.table
@@ -40,8 +44,9 @@ class Motor:
     def advance(self, now: float, burden: float) -> None:
         """Let time pass until ``now`` under ``burden``, a share of the stall torque."""
         able = self.stiff
-        if able and burden and abs(burden) > self._strength():
-            able = False
+        burdened = bool(burden) and abs(burden) > self._strength()
+        if able and (burdened or self._blocked):
+            able = not burdened
             if self.stalled_since is None:
                 self.stalled_since = now
         else:
@@ -54,7 +59,8 @@ class Motor:
 
     def drive(self, burden: float) -> float:
         """How hard a stiff one pushes as a share of the stall torque, positive where the ticks rise."""
-        push = burden + FRICTION * ((self.turning > 0) - (self.turning < 0))
+        way = self.shaft.goal - self.shaft.position if self._blocked else self.turning
+        push = burden + (STALL if self._blocked else FRICTION) * ((way > 0) - (way < 0))
         if not push:
             return 0.0
         strength = self._strength()
@@ -62,6 +68,8 @@ class Motor:
 
     def ticks(self) -> int:
         """The position as its sensor sees it; in protocol 1.0 it stops at the ends, unless turns are counted."""
+        if self.frozen is not None:
+            return self.frozen
         settings = self._memory.settings
         angle = settings.sense * self.shaft.position
         if self._model.protocol == "STS" and settings.mode is not Mode.TURNS:
@@ -79,6 +87,11 @@ class Motor:
         """1, or -1 where the servo is set to count the other way round."""
         return self._memory.settings.sense
 
+    @property
+    def _blocked(self) -> bool:
+        """Whether it pushes against a shaft that does not turn."""
+        return not self.shaft.grip and self.shaft.goal != self.shaft.position
+
     def _strength(self) -> float:
         """The most that it may push, as a share of its stall torque."""
         return abs(self._memory.get(self._limit)) / self._model.full
@@ -94,7 +107,7 @@ class Motor:
         shaft.goal, shaft.speed = settings.sense * self._model.angle(goal), speed
         shaft.advance(now)
         way = shaft.goal - shaft.position or shaft.position - before
-        self.turning = speed * ((way > 0) - (way < 0))
+        self.turning = shaft.grip * speed * ((way > 0) - (way < 0))
 
     def _spin(self, speed: float, now: float) -> None:
         self.turning = self.sense * min(max(speed, -self._model.free_speed), self._model.free_speed)

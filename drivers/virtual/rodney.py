@@ -4,12 +4,24 @@ from collections.abc import Sequence
 from threading import Lock
 
 from drivers.arduino import wire
-from drivers.arduino.axis import STARTS
+from drivers.arduino.axis import FIRST_STARTS, STARTS
 from drivers.sim.servo import SERVO_SPEED, Shaft
 from drivers.virtual.rosserial import Ear
 
-ATTACHED = (92.7, 92.7, 92.7, 92.7)
-"""Degrees at which the servos stand that were attached and sent nowhere: pulses of 1500 microseconds."""
+UNSENT = 92.7
+"""Degrees at which a servo stands that was attached and sent nowhere: pulses of 1500 microseconds."""
+
+FIRST = (*FIRST_STARTS[:2], UNSENT, UNSENT)
+"""Where the first sketch (Parts 01 to 04) has its servos when it starts: it sends 0 and 1 to 90 and 120 degrees."""
+
+WITH_ENCODERS = (*STARTS[:2], UNSENT, UNSENT)
+"""The same of the sketches with encoders for a Nano, which send 0 and 1 only; that for a Teensy sends all."""
+
+BEFORE_PART_1 = (90, 40, UNSENT, UNSENT)
+"""The same of a sketch that the project's pages showed before Part 01."""
+
+ATTACHED = (UNSENT, UNSENT, UNSENT, UNSENT)
+"""The same of the oldest ones, which send them nowhere."""
 
 ASKS_EVERY = 2.5  # seconds between two questions for the time
 LOST_AFTER = 11.0  # seconds without an answer after which the board no longer counts as configured
@@ -21,12 +33,14 @@ class VirtualRodney:
     """A ``drivers.virtual.terminal.WireDevice`` that plays the sketch, as flashed on a Nano or (``tacho``) a Teensy.
 
     It is deaf and dumb for ``boot_delay`` seconds after its first moment, and after each ``reset``. From then on it
-    obeys angles, whether it was asked for its topics or not. ``starts`` is where it sends its servos when it starts;
-    the first sketches send them nowhere, ``ATTACHED``. With ``logs`` it writes a line for each angle, as those do.
-    A Nano starts anew when its port is ``opened``, a board with native USB (``keeps``) does not.
+    obeys angles, whether it was asked for its topics or not. ``starts`` is where its servos go when it starts, such as
+    ``FIRST``. With ``logs`` it writes a line for each angle, as the sketches for a Nano do.
+    A Nano starts anew when DTR rises as its port is ``opened``, unless the line stayed on when the port was ``closed``;
+    a board with native USB (``keeps``) does not. While it is without power or starts, its servos stay.
     ``servo`` is what it calls its topic: another one plays a sketch built from other message definitions.
     ``commands`` keeps the (index, angle) that it took, as sent, and ``widest`` the degrees of the widest step among
-    them: from where it had sent that servo last, or the sketch when it started.
+    them: from where it had sent that servo last, or the sketch when it started. ``widest_start`` is the widest step
+    that the sketch itself took as it started.
     ``wheels`` is what its encoders measure.
     """
 
@@ -44,7 +58,7 @@ class VirtualRodney:
     ) -> None:
         self.baud = baud
         self.commands: list[tuple[int, int]] = []
-        self.widest = 0.0
+        self.widest = self.widest_start = 0.0
         self.wheels = wire.Tacho(0.0, 0.0)
         self._boot_delay = boot_delay
         self._buffer = buffer
@@ -55,6 +69,7 @@ class VirtualRodney:
         self._lock = Lock()  # the world looks at the shafts from a thread of its own
         self._boots_until: float | None = None
         self._booting = True
+        self._dtr = False
         self._restart()
 
     def _restart(self) -> None:
@@ -81,12 +96,18 @@ class VirtualRodney:
             self._booting, self._boots_until = True, now + self._boot_delay
 
     def opened(self, now: float) -> None:
-        """The computer has opened the port at time ``now``."""
-        if not self._keeps:
+        """The computer has opened the port at time ``now``, which raises DTR."""
+        rises, self._dtr = not self._dtr, True
+        if rises and not self._keeps:
             self.reset(now)
+
+    def closed(self, *, hangs_up: bool) -> None:
+        """The computer has closed the port: DTR falls if it ``hangs_up``, as Linux does unless HUPCL is off."""
+        self._dtr = self._dtr and not hangs_up
 
     def plugged(self, now: float) -> None:
         """The computer was plugged in at time ``now``, which it has its power from."""
+        self._dtr = False
         self.reset(now)
 
     def feed(self, data: bytes, now: float) -> bytes:
@@ -127,7 +148,7 @@ class VirtualRodney:
         if self._booting and now >= self._boots_until:
             self._booting = False
             for shaft, start in zip(self._shafts, self._starts, strict=True):
-                shaft.advance(now)
+                self.widest_start = max(self.widest_start, abs(start - shaft.advance(now)))
                 shaft.goal = start
         return not self._booting
 

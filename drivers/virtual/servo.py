@@ -35,6 +35,7 @@ class VirtualServo(Memory):
     torque that it must hold against, as a share of its stall torque, positive when it must push anticlockwise;
     ``damage``, faults of its hardware (ENCODER, SHOCK) that protocol 2.0 can tell. ``held`` is a registered write.
     ``skew``, the seconds by which it replies later than its return delay says; ``booted``, when its clock was 0.
+    ``shaft.grip`` is 0 while the shaft is blocked, and -1 while it turns the wrong way.
     """
 
     def __init__(self, servo: int = 1, *, model: str = "AX-12A", angle: float = 0.0) -> None:
@@ -91,6 +92,11 @@ class VirtualServo(Memory):
         """Turn the shaft to ``angle``; a stiff one stays where it is."""
         if self.limp:
             self.shaft.position = self.shaft.goal = angle
+
+    def freeze(self, *, on: bool = True) -> None:
+        """Let its sensor report where it is now, wherever it turns."""
+        self._motor.frozen = None
+        self._motor.frozen = self._motor.ticks() if on else None
 
     def overload(self) -> None:
         """Make it report an overload, until it is cured: by a new torque limit, a reboot (2.0), torque off (STS)."""

@@ -15,7 +15,7 @@ from missions.language.nodes import MODIFIERS
 from missions.language.phrases import own_phrases
 from missions.language.plan import Step
 from missions.testing.context import Setting
-from missions.testing.mishaps import JOINT, RUN, Mishap, read_mishap
+from missions.testing.mishaps import RUN, Mishap, read_mishap
 from missions.testing.mocks import RESULT_OF_FACE, MockSpec, fits
 from missions.testing.phrases import Phrase
 from missions.testing.script import read_script
@@ -48,7 +48,7 @@ def _mishap(fields: Fields, node: Scalar, setting: Setting) -> Mishap:
         parts = ", ".join(sorted(setting.parts)) or "nothing"
         hint = f"it uses {parts}"
         fields.fault(node.mark, f"mission '{setting.plan.mission}' does not use {article(mishap.part)}", hint)
-    elif mishap.state in JOINT:
+    elif mishap.of_joint:
         joints = setting.config.sections[mishap.part].keys.limits
         if mishap.detail not in joints:
             hint = one_of(mishap.detail, joints)

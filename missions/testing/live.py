@@ -11,7 +11,7 @@ from missions.testing.phrases import Phrase
 DETAILS = {
     "bumped": "bumped left", "cliff": "cliff centre", "battery": "battery at 5 %", "button": "button 0 pressed",
     "drifting": "drifting at 2 deg/s", "late": "late by 0.5 s",
-    "overloaded": "overloaded {joint}", "turned": "turned {joint} to 30 deg",
+    "turned": "turned {joint} to 30 deg", "pushed": "pushed {joint} to 30 deg",
 }  # fmt: skip
 """Examples of the states that say more than their word."""
 
@@ -24,8 +24,8 @@ def read_live(words: str, runner: Runner) -> Mishap:
     for fault in faults:
         raise ValueError(f"'{words}': {fault.message}" + (f"; {fault.suggestion}" if fault.suggestion else ""))
     section = runner.config.sections.get(mishap.part)
-    joints = {} if section is None or mishap.state not in JOINT else section.keys.limits
-    if mishap.state in JOINT and mishap.detail not in joints:
+    joints = {} if section is None or not mishap.detail else getattr(section.keys, "limits", {})
+    if mishap.of_joint and mishap.detail not in joints:
         raise ValueError(f"'{words}': no joint '{mishap.detail}'; {one_of(mishap.detail, joints)}")
     return mishap
 
@@ -35,8 +35,10 @@ def examples(runner: Runner) -> Iterator[str]:
     for part in () if runner.twins is None else (*runner.twins.parts, RUN):
         section = runner.config.sections.get(part)
         joints = tuple(getattr(section.keys, "limits", ())) if section is not None else ()
-        for state in STATES.get(runner.config.others.get(part, part), UNPLUGGED):
-            if state in JOINT and not joints:
+        kind = runner.config.others.get(part, part)
+        for state in STATES.get(kind, UNPLUGGED):
+            one = kind == "arm" and state in JOINT
+            if one and not joints:
                 continue
-            words = DETAILS.get(state, state).format(joint=joints[0] if joints else "")
+            words = DETAILS.get(state, f"{state} {{joint}}" if one else state).format(joint=joints[0] if joints else "")
             yield f"{part} {words}" + (" 2 s" if state in PASSING else "")

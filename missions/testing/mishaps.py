@@ -19,7 +19,8 @@ OF_THE_DRIVE = (
 
 STATES: dict[str, tuple[str, ...]] = {
     "base": ("unplugged", "bumped", "cliff", "lifted", "battery", "button", "docked", "driven", *OF_THE_DRIVE),
-    "arm": ("unplugged", "overloaded", "turned"),
+    "arm": ("unplugged", "overloaded", "turned", "blocked", "frozen", "reversed", "silent", "pushed"),
+    "head": ("unplugged", "blocked", "frozen", "reversed"),
     "camera": ("unplugged", "frozen", "covered", "slow"),
     "microphone": ("unplugged", "deaf"),
     "voice": ("unplugged", "hanging"),
@@ -37,8 +38,17 @@ LASTING = ("battery", "overloaded", "turned")
 PASSING = ("stalled", "paused", "stopped")
 """States in which nothing of the mission goes on, and which must end for that."""
 
-JOINT = {"overloaded": "elbow", "turned": "elbow to 30 deg"}
-"""States of one joint of the arm, and how each is written. Who turns a joint that is stiff turns it in vain."""
+JOINT = {
+    "overloaded": "elbow",
+    "turned": "elbow to 30 deg",
+    "blocked": "elbow",
+    "frozen": "elbow",
+    "reversed": "elbow",
+    "silent": "elbow",
+    "pushed": "elbow to 30 deg",
+}
+"""States of one joint of the arm, and how each is written. Who turns a joint that is stiff turns it in vain; who pushes
+it holds it there by force."""
 
 NO_OTHERS: Mapping[str, str] = MappingProxyType({})
 """A robot without further parts of a kind."""
@@ -66,6 +76,11 @@ class Mishap:
     seconds: float = math.inf
     moment: EventSpec | None = None
 
+    @property
+    def of_joint(self) -> bool:
+        """Whether ``detail`` is the name of a joint."""
+        return self.state in JOINT and bool(self.detail)
+
 
 def read_mishap(phrase: Phrase, known: KnownNode, others: Mapping[str, str] = NO_OTHERS) -> Mishap:
     """Read ``PART STATE [from T [to T] | at T [for T] | [for] T | when MOMENT [for T]]``.
@@ -81,7 +96,8 @@ def read_mishap(phrase: Phrase, known: KnownNode, others: Mapping[str, str] = NO
     if not state:
         phrase.wrong(f"what happens to the {part}", states)
         return Mishap(part, "")
-    detail, amount = _details(phrase, state)
+    of_joint = state in JOINT and others.get(part, part) == "arm"
+    detail, amount = _joint(phrase, state) if of_joint else _details(phrase, state)
     start, seconds, moment = _when(phrase, known)
     if state in LASTING and seconds < math.inf:
         phrase.fault(f"'{state}' does not end by itself", "leave out when it ends")
@@ -95,13 +111,6 @@ def _details(phrase: Phrase, state: str) -> tuple[str, float]:
     """Read what belongs to a state: where, which one, or how much."""
     if state in ("bumped", "cliff"):
         return phrase.took(*SIDES) or "centre", 0.0
-    if state in JOINT:
-        if phrase.word in ("", "to", *WHEN):
-            phrase.fault(f"which joint is {state} is missing here", f"such as 'arm {state} {JOINT[state]}'")
-        joint = phrase.take()
-        if state == "turned" and not phrase.took("to"):
-            phrase.wrong(f"what follows '{joint}'", ("to",))
-        return joint, phrase.quantity(f"'{state}'", "angle", low=-math.pi, high=math.pi) if state == "turned" else 0.0
     if state == "button":
         return _button(phrase), 0.0
     if state in MEASURED:
@@ -115,6 +124,18 @@ def _details(phrase: Phrase, state: str) -> tuple[str, float]:
     if state == "battery":
         return "", phrase.quantity(f"'{state}'", "share", high=1.0)
     return "", 0.0
+
+
+def _joint(phrase: Phrase, state: str) -> tuple[str, float]:
+    """Read which joint, and to which angle it is turned."""
+    if phrase.word in ("", "to", *WHEN):
+        phrase.fault(f"which joint is {state} is missing here", f"such as 'arm {state} {JOINT[state]}'")
+    joint = phrase.take()
+    if state not in ("turned", "pushed"):
+        return joint, 0.0
+    if not phrase.took("to"):
+        phrase.wrong(f"what follows '{joint}'", ("to",))
+    return joint, phrase.quantity(f"'{state}'", "angle", low=-math.pi, high=math.pi)
 
 
 def _button(phrase: Phrase) -> str:

@@ -10,7 +10,9 @@ from drivers.api import Sides, Source, Velocity
 from drivers.errors import DriverError
 from drivers.sim.backup_limit import BackupLimit
 from drivers.sim.twins.base import BaseTwin
+from drivers.sim.twins.head import HeadTwin
 from drivers.sim.twins.joints import JointsTwin
+from drivers.sim.twins.neck import NeckTwin
 from drivers.sim.twins.plug import Plug
 from missions.runner import Runner
 from missions.testing.history import History
@@ -111,10 +113,10 @@ class Trouble:
         match mishap.state:
             case "unplugged" if plug is not None:
                 plug.unplug() if on else plug.plug_in()
-            case "overloaded" if isinstance(twin, JointsTwin):
-                twin.overload(mishap.detail)
-            case "turned" if isinstance(twin, JointsTwin):
-                twin.turn_by_hand(mishap.detail, mishap.amount)
+            case _ if isinstance(twin, JointsTwin):
+                _fail_joint(twin, mishap, on=on)
+            case _ if isinstance(twin, NeckTwin | HeadTwin):
+                twin.fail(mishap.state if on else "")
             case "frozen" if twins.camera is not None:
                 twins.camera.freeze() if on else twins.camera.thaw()
             case "covered" if twins.camera is not None:
@@ -171,6 +173,18 @@ class Trouble:
     def _release(self, number: int) -> None:
         if self._runner.latch.release(number):
             self._runner.executive.resume()
+
+
+def _fail_joint(twin: JointsTwin, mishap: Mishap, *, on: bool) -> None:
+    match mishap.state:
+        case "overloaded":
+            twin.overload(mishap.detail)
+        case "turned":
+            twin.turn_by_hand(mishap.detail, mishap.amount)
+        case "pushed" if on:
+            twin.push(mishap.detail, mishap.amount)
+        case _:
+            twin.fail(mishap.detail, mishap.state if on else "")
 
 
 def _sides(mishaps: list[Mishap], state: str) -> Sides:

@@ -6,6 +6,7 @@ The bytes are those of the wire and the turns those of the threads; only the tim
 import errno
 from collections.abc import Callable
 from functools import partial
+from typing import Protocol, runtime_checkable
 
 from drivers.api import Report, ignore
 from drivers.link import Link
@@ -63,6 +64,15 @@ def pass_until(timeline: Timeline, holds: Callable[[], object]) -> None:
         timeline.run(timeline.clock.now() + PERIOD)
 
 
+@runtime_checkable
+class WithDtr(Protocol):
+    """A device to which the modem line DTR matters."""
+
+    def opened(self, now: float) -> None: ...
+
+    def closed(self, *, hangs_up: bool) -> None: ...
+
+
 class HandWire:
     """A wire from a virtual device to a link, which looks at it every ``PERIOD``.
 
@@ -90,10 +100,19 @@ class HandWire:
         if not self._plugged:
             raise explain(who, port, FileNotFoundError(errno.ENOENT, "no such file"))
         self.arrived, self.holder = b"", HandPort(self)
+        if isinstance(self.device, WithDtr):
+            self.device.opened(self.clock.now())
         return self.holder
 
     def unplug(self) -> None:
+        """Pull the plug: the port has gone, and with it DTR."""
         self._plugged, self.holder = False, None
+        if isinstance(self.device, WithDtr):
+            self.device.closed(hangs_up=True)
+
+    def come_back(self) -> None:
+        """Have the port there again, of a device that had power all the while."""
+        self._plugged = True
 
     def plug_in(self) -> None:
         self._plugged = True
@@ -114,6 +133,7 @@ class HandPort:
 
     def __init__(self, wire: HandWire) -> None:
         self._wire = wire
+        self._hangs_up = True  # as Linux does unless HUPCL is off
 
     def arrived(self, patience: float) -> bytes:  # noqa: ARG002 - the time is in other hands
         self._require()
@@ -124,12 +144,15 @@ class HandPort:
         self._require()
         self._wire.take(self._wire.device.feed(data, self._wire.clock.now()))
 
-    def set_dtr(self, *, on: bool) -> None:  # noqa: ARG002 - a wire without modem lines
+    def set_dtr(self, *, on: bool) -> None:
         self._require()
+        self._hangs_up = not on
 
     def close(self) -> None:
         if self._wire.holder is self:
             self._wire.holder = None
+            if isinstance(self._wire.device, WithDtr):
+                self._wire.device.closed(hangs_up=self._hangs_up)
 
     def _require(self) -> None:
         if self._wire.holder is not self:

@@ -18,14 +18,14 @@ from drivers.clock import ManualClock
 from drivers.errors import DriverError, NotConnected
 from drivers.link import Link, Talker
 from drivers.pantilt import CATCH_UP
-from drivers.virtual.rodney import ATTACHED, VirtualRodney
+from drivers.virtual.rodney import FIRST, WITH_ENCODERS, VirtualRodney
 from tests.tries import tries
 
 SPEED = 120
 """Degrees per second, as in the robot files."""
 
 RAMP = SPEED * (FRESH + CATCH_UP) + 2
-"""The widest step in degrees: what the ramp covers between two proofs, in whole degrees, from a start at 92.7."""
+"""The widest step in degrees: what the ramp covers between two proofs, in whole degrees."""
 
 KERNEL = 4095
 """Bytes that the kernel keeps for who does not read."""
@@ -33,11 +33,11 @@ KERNEL = 4095
 TRIALS = tries(125, most=500)
 
 BOARDS: dict[str, Callable[[], VirtualRodney]] = {
-    "first sketch, Nano": lambda: VirtualRodney(logs=True, starts=ATTACHED, boot_delay=1.0),
-    "first sketch, no boot loader": lambda: VirtualRodney(logs=True, starts=ATTACHED, boot_delay=0.07),
-    "later sketch, Nano": lambda: VirtualRodney(tacho=True, boot_delay=1.6),
+    "first sketch, Nano": lambda: VirtualRodney(logs=True, starts=FIRST, boot_delay=1.0),
+    "first sketch, no boot loader": lambda: VirtualRodney(logs=True, starts=FIRST, boot_delay=0.07),
+    "later sketch, Nano": lambda: VirtualRodney(tacho=True, logs=True, starts=WITH_ENCODERS, boot_delay=1.6),
     "later sketch, Teensy": lambda: VirtualRodney(tacho=True, boot_delay=0.4, keeps=True),
-    "a sketch that tells nothing": lambda: VirtualRodney(starts=ATTACHED, boot_delay=0.5),
+    "a sketch that tells nothing": lambda: VirtualRodney(starts=FIRST, boot_delay=0.5),
 }
 
 
@@ -47,7 +47,7 @@ class Line(Link):
     def __init__(self, device: VirtualRodney, clock: ManualClock, random: Random) -> None:
         super().__init__("head", "/dev/nano", 57600)
         self.device, self.clock, self.random = device, clock, random
-        self.plugged = False
+        self.plugged = self.keeps_dtr = False
         self.talker: Talker | None = None
         self._arrived = b""
         self._doze = 0.0
@@ -69,6 +69,9 @@ class Line(Link):
         if not self.plugged:
             raise NotConnected("head: /dev/nano: no such device")
         self._keep(self.device.feed(data, self.clock.now()))
+
+    def set_dtr(self, *, on: bool) -> None:
+        self.keeps_dtr = on
 
     def wake(self) -> None:
         self._doze = 0.0
@@ -170,6 +173,7 @@ class Trial:
         """Only the port is lost, as with a hub that hangs; the board keeps its power."""
         self.told["reconnects"] += 1
         self.line.plugged = False
+        self.device.closed(hangs_up=self.random.random() < 0.5 or not self.line.keeps_dtr)
         self.line.passes(self.random.choice((0.1, 0.9, 3.0, 8.0)))
         self.line.opens()
 

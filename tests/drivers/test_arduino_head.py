@@ -197,6 +197,9 @@ class Wire(Link):
     def unplug(self) -> None:
         self.plugged = False
 
+    def set_dtr(self, *, on: bool) -> None:
+        assert on
+
     def write(self, data: bytes) -> None:
         if not self.plugged:
             raise NotConnected("head: /dev/nano: no such device")

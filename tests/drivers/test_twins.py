@@ -60,6 +60,9 @@ class DirectLink(Link):
     def close(self) -> None:
         self.talker = None
 
+    def set_dtr(self, *, on: bool) -> None:
+        """Do nothing: this wire has no such line."""
+
     def write(self, data: bytes) -> None:
         self._answer += self.device.feed(data, self.clock.now())
 

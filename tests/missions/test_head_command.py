@@ -48,10 +48,10 @@ def test_the_head_looks_where_it_is_told_and_says_where_its_limits_were(mission:
 def test_where_names_the_joints_with_their_angles_limits_and_trims(mission: Mission) -> None:
     outcome = mission("where", "--json", "--robot", "mine.yaml", "--simulate")
     assert "where it was left" in outcome.err
-    ahead = pytest.approx(0.0, abs=2.0)  # its board has just been switched on, and nobody has turned it
+    # Its board has just been switched on: its sketch has put the servos at 90 and 120 degrees, and tilt is flipped.
     assert json.loads(outcome.out) == {
-        "head_pan": {"from": -80.0, "to": 80.0, "trim": 0.0, "angle": ahead},
-        "head_tilt": {"from": -60.0, "to": 20.0, "trim": 0.0, "angle": ahead},
+        "head_pan": {"from": -80.0, "to": 80.0, "trim": 0.0, "angle": 0.0},
+        "head_tilt": {"from": -60.0, "to": 20.0, "trim": 0.0, "angle": pytest.approx(-30.0)},
     }
 
 

@@ -32,7 +32,7 @@ from drivers.keeper import wire as lines
 from drivers.sim.body import Body
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.kobuki import VirtualKobuki
-from drivers.virtual.rodney import ATTACHED, VirtualRodney
+from drivers.virtual.rodney import FIRST, VirtualRodney
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal, WireDevice
 from drivers.virtual.waveshare import VirtualWaveshare
@@ -122,7 +122,7 @@ def running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Workben
 
 
 def plug_turtlebot(bench: Workbench) -> VirtualRodney:
-    nano = VirtualRodney(starts=ATTACHED)
+    nano = VirtualRodney(starts=FIRST)
     bench.plug("ttyUSB0", VirtualKobuki(), "0403:6001", "kobuki_7")
     bench.plug("ttyUSB1", VirtualServoBus([VirtualServo(number) for number in range(1, 11)]), "0403:6014", "FT7")
     bench.plug("ttyUSB2", nano, "1a86:7523")
@@ -311,7 +311,8 @@ def test_a_head_that_turns_the_other_way_is_flipped_and_put_straight(running: Wo
     assert re.search(r"tilt: \{servo: 1, .*flip: true, trim: 3 deg\}", text)
     moved = {index for index, _ in nano.commands}
     assert moved == {0, 1}
-    assert all(abs(angle - 90) <= 10 for _, angle in nano.commands)
+    assert all(80 <= angle <= 100 + 20 * index for index, angle in nano.commands)  # its sketch starts tilt at 120
+    assert nano.widest <= 10
 
 
 @pytest.mark.parametrize(("grey", "told"), [(0, "the pictures are black"), (128, "all of one colour")])
@@ -410,7 +411,7 @@ def test_of_two_bases_that_answer_one_is_chosen(bench: Workbench, capsys: pytest
 
 @pytest.mark.real_time
 def test_one_more_head_gets_a_name_of_its_own_and_is_tried_by_it(running: Workbench) -> None:
-    nano, mast = VirtualRodney(starts=ATTACHED), VirtualRodney(starts=ATTACHED)
+    nano, mast = VirtualRodney(starts=FIRST), VirtualRodney(starts=FIRST)
     running.plug("ttyUSB0", nano, "1a86:7523", "one")
     running.plug("ttyUSB1", mast, "1a86:7523", "two")
     servos = {"pan servo": "0", "tilt servo": "1"}

@@ -133,6 +133,12 @@ class HeadTwin(LedHead[ServoAxis], Enabling):
         pan, tilt = (axis.to_radians(shaft.advance(now)) for axis, shaft in zip(self._built, self._shafts, strict=True))
         return HeadPose(pan, tilt)
 
+    def fail(self, fault: str = "") -> None:
+        """Let its servos be "blocked" or "reversed", or as they should be; nobody measures where they stand."""
+        for shaft in self._shafts:
+            shaft.advance(self._clock.now())
+            shaft.grip = {"blocked": 0.0, "reversed": -1.0}.get(fault, 1.0)
+
     def _connected(self) -> None:
         """Go on from where a sketch that has just started has put its servos; stay there, but for the first time."""
         now, axes = self._clock.now(), self._way.axes

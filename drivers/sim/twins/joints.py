@@ -63,6 +63,7 @@ class JointsTwin(CommandedJoints):
         check_move(self.name, goals, speeds, self._servos)
         self._require()
         now = self._clock.now()
+        self._permit(goals, now)
         accepted = self._clamping.accept(goals, now)
         self._following.end(goals)
         self._go(accepted, speeds, now)
@@ -141,6 +142,7 @@ class JointsTwin(CommandedJoints):
             self._absence.heard(self._clock.now())
             if self._following:
                 self._lead(self._clock.now())
+            self._give_up(self._clock.now())
             self._changed()
 
     # --- the hand of whoever tests a mission --------------------------------------------------------------------------
@@ -161,6 +163,18 @@ class JointsTwin(CommandedJoints):
             servo.joint.reading = Reading(servo.state(now), now, Quality.GOOD)
             self._telling.faults(servo.joint, Fault.OVERLOAD)
             self._telling.shut(servo.joint)
+
+    def fail(self, joint: str, fault: str = "") -> None:
+        """Give the servo of ``joint`` one of ``FAULTS``, or none. Raises BadRequest for an unknown joint."""
+        check_names(self.name, {joint}, self._servos)
+        self._servos[joint].fail(fault, self._clock.now())
+        self._read_at = -inf
+
+    def push(self, joint: str, angle: float) -> None:
+        """Hold a ``joint`` at ``angle`` (radians), stiff or not, until ``fail`` ends that."""
+        check_move(self.name, {joint: angle}, {}, self._servos)
+        self._servos[joint].push(angle, self._clock.now())
+        self._read_at = -inf
 
     def exchange(self, joint: str, angle: float) -> None:
         """Put another servo in the place of that of ``joint``, which stands at ``angle`` (radians), while unplugged."""
@@ -218,22 +232,46 @@ class JointsTwin(CommandedJoints):
             servo.strand(now)
 
     def _read(self, now: float) -> None:
-        self._readings = {name: Reading(servo.state(now), now, Quality.GOOD) for name, servo in self._servos.items()}
+        self._readings = {name: self._reading(servo, now) for name, servo in self._servos.items()}
         self._read_at = now
+
+    def _reading(self, servo: ServoTwin, now: float) -> Reading[JointState]:
+        """Return the newest reading of a servo: of one that does not answer, an old one."""
+        if servo.fault != "silent":
+            return Reading(servo.state(now), now, Quality.GOOD)
+        before = self._readings.get(servo.joint.name)
+        if before is None or before.value is None:
+            return Reading(None, now, Quality.NONE)
+        return replace(before, quality=Quality.GOOD if now - before.stamp <= FRESH else Quality.STALE)
 
     def _go(self, goals: Mapping[str, float], speeds: Mapping[str, float], now: float) -> None:
         """Send joints to goals within their limits, but those that have shut down."""
         for name, goal in goals.items():
             servo = self._servos[name]
             joint = servo.joint
-            if not joint.shut:
+            able = joint.driven and not joint.shut
+            if able:
                 joint.wanted = True
                 speed = speeds.get(name, self._limits[name].speed)
-                servo.go(goal, paced(joint, goal, speed, servo.position(now)), now)
-            if joint.left_out != joint.shut:
-                joint.left_out = joint.shut
+                speed = paced(joint, goal, speed, servo.position(now))
+                servo.go(goal, speed, now)
+                joint.progress.command(goal, speed, now)
+            if joint.left_out is able:
+                joint.left_out = not able
                 self._telling.left_out()
         self._read_at = -inf
+
+    def _give_up(self, now: float) -> None:
+        """Hold the joints where they stand that do not get where they are sent; let go of those that run away."""
+        watched = [servo for servo in self._servos.values() if servo.joint.progress.active or servo.fault]
+        for servo in watched:
+            servo.joint.reading = self._reading(servo, now)
+        for joint in self._look(servo.joint for servo in watched):
+            self._following.end([joint.name])
+            joint.wanted = not joint.progress.runs_away
+            servo = self._servos[joint.name]
+            servo.hold(now) if joint.wanted else servo.relax(now)
+            self._read_at = -inf
 
     def _lead(self, now: float) -> None:
         """Send every follower where it belongs now."""
@@ -259,6 +297,7 @@ class JointsTwin(CommandedJoints):
             servo.joint.wanted = stiff
             if self.plug.online:
                 servo.hold(now) if stiff else servo.relax(now)
+                servo.joint.progress.hold(servo.joint.goal if stiff else None)
                 self._read_at = -inf
             elif self.plug.connections and not (stiff and servo.joint.shut):
                 servo.joint.unsettled = True

@@ -14,6 +14,11 @@ class NeckTwin(JointsHead[JointsTwin]):
         """The cable of the bus."""
         return self._joints.plug
 
+    def fail(self, fault: str = "") -> None:
+        """Give both joints a fault of ``drivers.sim.twins.servo.FAULTS``, or none."""
+        for axis in self._built:
+            self._joints.fail(axis.joint, fault)
+
     def true_pose(self, now: float) -> HeadPose:
         """Where the joints really are at time ``now``; what it is trimmed to later turns it in truth."""
         pan, tilt = (self._joints.true_angle(axis.joint, now) - axis.trim for axis in self._built)

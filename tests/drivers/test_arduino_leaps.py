@@ -1,0 +1,218 @@
+"""How far the servos of a Rodney head leap, by sketch and event: by what the driver sends, and by the sketch itself.
+
+The driver, its link and the virtual board on simulated time. What the driver sends is to be a ramp whatever happens.
+What a sketch does as it starts no driver can prevent; DTR that stays on prevents that it starts.
+"""
+
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from math import degrees, radians
+from pathlib import Path
+
+import pytest
+
+from drivers.api import DeviceStatus, HeadPose
+from drivers.arduino.axis import ServoAxis
+from drivers.arduino.board import Board
+from drivers.arduino.driver import ArduinoHead
+from drivers.arduino.memory import Memory
+from drivers.sim.timeline import Timeline
+from drivers.virtual.rodney import ATTACHED, BEFORE_PART_1, FIRST, WITH_ENCODERS, VirtualRodney
+from tests.drivers.cranked import HandWire
+from tests.drivers.test_arduino_campaign import RAMP, SPEED
+
+PAN, TILT = 45, -40
+"""Where the head looks before each event, in degrees: 45 and 10 off where the first sketch starts its servos."""
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """A sketch on a board, and the `start` of both servos in the robot file; None for a file that says nothing."""
+
+    board: Callable[[], VirtualRodney]
+    start: tuple[int | None, int | None] = (None, None)
+
+
+SKETCHES: Mapping[str, Sketch] = {
+    "Parts 01 to 04, Nano": Sketch(lambda: VirtualRodney(logs=True, starts=FIRST, boot_delay=1.0)),
+    "with encoders, Nano": Sketch(lambda: VirtualRodney(logs=True, tacho=True, starts=WITH_ENCODERS, boot_delay=1.0)),
+    "with encoders, Teensy": Sketch(lambda: VirtualRodney(tacho=True, boot_delay=0.4, keeps=True)),
+    "before Part 01, Nano": Sketch(lambda: VirtualRodney(logs=True, starts=BEFORE_PART_1, boot_delay=1.0), (90, 40)),
+    "the oldest, Nano": Sketch(lambda: VirtualRodney(logs=True, starts=ATTACHED, boot_delay=1.0), (92, 92)),
+}
+
+
+class Scene:
+    """A head on a board, programs that come and go, and the time."""
+
+    def __init__(self, sketch: Sketch, folder: Path) -> None:
+        self.timeline = Timeline()
+        self.sketch, self.board = sketch, sketch.board()
+        self.notices: list[DeviceStatus] = []
+        self.memories: list[Memory] = []
+        self.wire = HandWire(self.board, self.timeline)
+        self.port, self.folder = folder / "ttyUSB0", folder
+        self.port.touch()
+        self.board.plugged(0.0)
+        self.run(3.0)
+        self.head = self.program()
+        self.look(PAN, TILT)
+
+    def program(self) -> ArduinoHead:
+        """Start a program that moves the head."""
+        clock, (pan, tilt) = self.timeline.clock, self.sketch.start
+        self.link = link = self.wire.link("head", report=self.notices.append)
+        remembered = Memory(self.folder, str(self.port))
+        self.memories.append(remembered)
+        boot = 0.0 if self.sketch is SKETCHES["with encoders, Teensy"] else 2.0
+        head = ArduinoHead(
+            Board(link, clock, boot_delay=boot, report=self.notices.append, remembered=remembered),
+            clock,
+            pan=ServoAxis(0, radians(-80), radians(80), start=pan),
+            tilt=ServoAxis(1, radians(-80), radians(20), flip=True, start=tilt),
+            speed=radians(SPEED),
+            acceleration=radians(400),
+        )
+        head.open()
+        self.run(6.0)
+        return head
+
+    def run(self, seconds: float) -> None:
+        self.timeline.run(self.timeline.clock.now() + seconds)
+
+    def close(self) -> None:
+        self.head.close()
+        for each in self.memories:
+            each.close()
+
+    def look(self, pan: float, tilt: float) -> None:
+        self.head.enable()
+        self.head.look(HeadPose(radians(pan), radians(tilt)))
+        self.run(3.0)
+        pose = self.head.pose().value
+        assert pose is not None
+        assert (degrees(pose.pan), degrees(pose.tilt)) == pytest.approx((pan, tilt), abs=1.01)
+
+    # --- events ---------------------------------------------------------------------------------------------------
+
+    def nothing(self) -> None:
+        """Have no event."""
+
+    def reset(self) -> None:
+        self.board.reset(self.timeline.clock.now())
+
+    def reset_as_it_turns(self) -> None:
+        self.head.look(HeadPose(radians(-PAN), radians(10)))
+        self.run(0.3)
+        self.reset()
+
+    def lose_power(self) -> None:
+        """Have the supply fail for a moment, with the port there all the while."""
+        self.board.plugged(self.timeline.clock.now())
+
+    def replug(self) -> None:
+        self.wire.unplug()
+        self.run(1.0)
+        self.wire.plug_in()
+
+    def lose_port(self) -> None:
+        """Lose the port of a board that has power from elsewhere."""
+        self.wire.unplug()
+        self.run(1.0)
+        self.wire.come_back()
+
+    def end_and_begin(self) -> None:
+        self.head.close()
+        self.run(5.0)
+        self.head = self.program()
+
+    def killed(self) -> None:
+        """Have the program end as by `kill -9` while it turns the head: the kernel closes the port."""
+        self.head.look(HeadPose(radians(-PAN), radians(10)))
+        self.run(0.3)
+        self.kill()
+        self.run(2.0)
+        self.head = self.program()
+
+    def killed_and_another_opens(self) -> None:
+        """The same, and a program that hangs up, such as a serial monitor, has had the port before the next one."""
+        self.kill()
+        self.board.opened(self.timeline.clock.now())
+        self.board.closed(hangs_up=True)
+        self.run(2.0)
+        self.head = self.program()
+
+    def kill(self) -> None:
+        self.link._loop.alive = False  # type: ignore[misc]
+        assert self.wire.holder is not None
+        self.wire.holder.close()
+
+
+EVENTS: Mapping[str, Callable[[Scene], None]] = {
+    "nothing": Scene.nothing,
+    "reset button": Scene.reset,
+    "reset while it turns": Scene.reset_as_it_turns,
+    "power lost for a moment": Scene.lose_power,
+    "plug pulled and put in": Scene.replug,
+    "port lost, power kept": Scene.lose_port,
+    "next program": Scene.end_and_begin,
+    "killed, next program": Scene.killed,
+    "killed, a serial monitor, next program": Scene.killed_and_another_opens,
+}
+
+NATIVE_USB = "with encoders, Teensy"
+NO_RESET = {
+    "nothing": SKETCHES.keys(),
+    "next program": SKETCHES.keys(),
+    "killed, next program": SKETCHES.keys(),
+    "port lost, power kept": {NATIVE_USB},
+    "killed, a serial monitor, next program": {NATIVE_USB},
+}
+"""The events at which the boards of these sketches do not start anew."""
+
+
+def played(sketch: Sketch, event: str, folder: Path) -> tuple[float, float]:
+    """Return the widest steps (degrees) since an event: of the driver, and of the sketch as it started."""
+    with closing(Scene(sketch, folder)) as scene:
+        assert scene.board.widest <= RAMP  # the first program after the board was plugged in
+        assert scene.board.widest_start == 0.0
+        scene.board.widest = 0.0
+        EVENTS[event](scene)
+        scene.run(8.0)
+        scene.look(-20, 5)
+        scene.look(PAN, TILT)
+    return scene.board.widest, scene.board.widest_start
+
+
+@pytest.mark.parametrize("event", list(EVENTS))
+@pytest.mark.parametrize("name", list(SKETCHES))
+def test_no_event_makes_the_driver_send_a_leap_and_only_a_start_of_the_board_makes_its_sketch_leap(
+    name: str, event: str, tmp_path: Path, record_property: Callable[[str, object], None]
+) -> None:
+    sent, start = played(SKETCHES[name], event, tmp_path)
+    record_property("figure", f"{name} | {event}: driver {sent:.0f}, sketch {start:.0f} degrees")
+    assert sent <= RAMP
+    assert (start > 0.0) is (name not in NO_RESET.get(event, ()))
+
+
+@pytest.mark.parametrize(("name", "leap"), [("before Part 01, Nano", 80.0), ("the oldest, Nano", 27.3)])
+def test_a_sketch_that_starts_its_servos_elsewhere_leaps_by_the_difference_unless_the_robot_file_says_start(
+    name: str, leap: float, tmp_path: Path
+) -> None:
+    with closing(Scene(Sketch(SKETCHES[name].board), tmp_path)) as scene:
+        assert scene.board.widest == pytest.approx(leap, abs=2.0)
+
+
+def test_a_board_that_has_been_running_and_whose_servos_nobody_knows_stays_until_it_is_commanded(
+    tmp_path: Path,
+) -> None:
+    with closing(Scene(SKETCHES[NATIVE_USB], tmp_path)) as scene:
+        scene.kill()
+        for kept in tmp_path.glob("servos*.json"):
+            kept.unlink()
+        scene.board.commands.clear()
+        scene.head = scene.program()
+        scene.run(10.0)
+    assert scene.board.commands == []
+    assert any("nobody knows where its servos stand" in notice.what for notice in scene.notices)
