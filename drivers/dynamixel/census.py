@@ -19,7 +19,8 @@ class Found:
 
     ``model`` is None for a ``number`` that is not one of ours; the position (radians from the servo's middle), voltage
     (V) and temperature (degrees Celsius) are None where they could not be read. ``garbled`` is True when its replies
-    came damaged: another servo may have the same ID. If not even its number was understood, that is None too.
+    came damaged: another servo may have the same ID. If not even its number was understood, that is None too. ``mute``
+    is True for a servo that answers a ping, and no read.
     """
 
     at: At
@@ -32,6 +33,7 @@ class Found:
     temperature: float | None = None
     faults: Fault = field(default=Fault(0))
     garbled: bool = False
+    mute: bool = False
 
 
 def census(
@@ -57,17 +59,39 @@ def census(
         bus.baud = before
 
 
+FEW_IDS = 32
+"""IDs of which each is pinged too that answers no read: of more only where no servo was found."""
+
+
 def _found(bus: Bus, protocol: Protocol, ids: Sequence[int]) -> Iterator[Found]:
     """Look for servos at the present rate."""
     called = {known.at.id: known for known in bus.find(protocol=2, ids=ids)} if protocol == 2 else {}
+    silent = []
     for number in ids:
-        at = At(number, protocol)
-        damaged = bus.tally(number).corrupt
-        identity = called.get(number) or _asked(bus, at)
+        damaged, doubles = bus.tally(number).corrupt, bus.tally(number).doubles
+        identity = called.get(number) or _asked(bus, At(number, protocol))
         if identity is not None:
-            yield _described(bus, identity, damaged)
+            found = _described(bus, identity, damaged)
+            yield replace(found, garbled=found.garbled or bus.tally(number).doubles > doubles)
         elif bus.tally(number).corrupt > damaged:
-            yield Found(at, bus.baud, garbled=True)
+            yield Found(At(number, protocol), bus.baud, garbled=True)
+        else:
+            silent.append(number)
+    if protocol != 2 and (len(ids) <= FEW_IDS or len(silent) == len(ids)):
+        yield from _mute(bus, [At(number, protocol) for number in silent])
+
+
+def _mute(bus: Bus, silent: Iterable[At]) -> Iterator[Found]:
+    """Yield the servos that answer a ping, and no read; and those that were late."""
+    for at in silent:
+        damaged = bus.tally(at.id).corrupt
+        if not bus.answers_ping(at, tries=1):
+            continue
+        try:
+            yield _described(bus, bus.identify(at), damaged)
+        except (NoReply, BadRequest):
+            mute = bus.tally(at.id).corrupt == damaged
+            yield Found(at, bus.baud, garbled=not mute, mute=mute)
 
 
 def _asked(bus: Bus, at: At) -> Identity | None:

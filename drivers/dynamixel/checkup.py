@@ -30,8 +30,9 @@ def checkup(keys: DynamixelKeys, site: Site) -> Iterator[Finding]:
             try:
                 yield from _servo(bus, joint)
             except NoReply:
-                cure = "switch its power on, look at its cable; mission servo scan --robot ROBOT"
-                yield wrong(joint.title, absence(bus, joint), cure)
+                told = absence(bus, joint, 0)
+                cure = joint.cure or "switch its power on, look at its cable; mission servo scan --robot ROBOT"
+                yield wrong(joint.title, told, _for_robot(cure))
             except BadRequest as error:
                 yield wrong(joint.title, str(error), f"mission servo info {spec.id} --robot ROBOT")
     finally:
@@ -49,7 +50,8 @@ def _servo(bus: Bus, joint: Joint) -> Iterator[Finding]:
         yield wrong(title, f"{told}, the robot file says {joint.model.name}", cure)
         return
     if unlike := difference(bus, joint):
-        yield wrong(title, unlike, f"mission servo info {number} --robot ROBOT  (then: mission servo set --help)")
+        info = f"mission servo info {number} --robot ROBOT  (then: mission servo set --help)"
+        yield wrong(title, unlike, _for_robot(joint.cure) or info)
     table = joint.model.table
     volts, heat = bus.read(joint.at, table["present_voltage"]) / 10, bus.read(joint.at, table["present_temperature"])
     joint.told = bus.faults(number)
@@ -62,6 +64,11 @@ def _servo(bus: Bus, joint: Joint) -> Iterator[Finding]:
     yield from troubles
     if not troubles and not unlike:
         yield Finding(title, figures)
+
+
+def _for_robot(cure: str) -> str:
+    """Return a cure in which the robot of the check-up is to be named."""
+    return cure.replace("--robot FILE", "--robot ROBOT")
 
 
 def _power(joint: Joint, volts: float) -> Iterator[Finding]:

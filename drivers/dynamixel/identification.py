@@ -32,8 +32,11 @@ MIN_DOUBLES = 2
 MIN_DAMAGED, DAMAGED_SHARE = 3, 0.2
 """Damaged replies, and their share of all, from which on the line is not good enough for a write."""
 
-DRIVER_LOOKS, DRIVER_DAMAGED_SHARE = 2, 0.8
-"""The same for a driver that starts, and retries what it reads."""
+DRIVER_LOOKS, DRIVER_GLANCES, DRIVER_DAMAGED_SHARE = 2, 8, 0.8
+"""Reads of the whole table, and of its readings alone, that a driver takes; and the share of damage that it bears."""
+
+DOUBTED_GLANCES = 30
+"""The same of readings, for a servo that was seen to share its ID: it is looked at again every second."""
 
 MIN_JUMPS = 2
 """Jumps of a reading that prove a second servo: there, and back."""
@@ -69,17 +72,27 @@ def require_sole(bus: Bus, at: At, number: int | None = None, *, looks: int = LO
     return identity
 
 
-def twin_evidence(bus: Bus, at: At, model: Model) -> str:
+def twin_evidence(bus: Bus, at: At, model: Model, *, glances: int = DRIVER_GLANCES) -> str:
     """Return what shows that a servo of ``model`` shares its ID with another; empty for one that seems to be alone.
 
-    Takes fewer looks than ``require_sole``, and more damage for the line's: for drivers, which write no EEPROM. Raises
-    NotConnected.
+    Reads the whole table ``DRIVER_LOOKS`` times, and its readings ``glances`` times. Bears more damage than
+    ``require_sole``: for drivers, which write no EEPROM. Raises NotConnected.
     """
     proof = _Proof(bus, at)
     proof.look(model, DRIVER_LOOKS, extra=0.0)
+    proof.look(model, glances, start=model.table["present_position"].address, extra=0.0)
     if proof.doubtful:
         proof.look(model, LOOKS)
     return "; ".join(proof.evidence(DRIVER_DAMAGED_SHARE))
+
+
+def ping_evidence(bus: Bus, at: At) -> str:
+    """Return what shows, by pings alone, that servos share an ID; empty otherwise. Raises NotConnected."""
+    proof = _Proof(bus, at)
+    for _ in range(LOOKS):
+        bus.answers_ping(at, tries=1)
+        bus.listen(at.protocol, 3)
+    return "; ".join(proof.evidence())
 
 
 UNPLUG = (
@@ -142,9 +155,10 @@ class _Readings:
 
     def _tick(self, start: int, data: bytes, sent: float, now: float) -> None:
         """Narrow down when the servo's clock was 0, in milliseconds; it begins anew after 32 768."""
-        if "realtime_tick" not in self.model.table:
+        clock = self.model.table.registers.get("realtime_tick")
+        if clock is None or clock.address < start:
             return
-        tick = self.model.table["realtime_tick"].decode(data, start)
+        tick = clock.decode(data, start)
         self.ticks.add(tick)
         early, late = tick - now * 1000, tick - sent * 1000
         if self.earliest > -inf:
@@ -172,7 +186,7 @@ class _Proof:
         self._at = at
         tally = bus.tally(at.id)
         self._before = tally.corrupt, tally.doubles
-        self._looks = self._missed = 0
+        self._looks = self._missed = self._refused = 0
         self._noisy = 0  # replies of which not even the beginning could be recognised
         self._readings: _Readings | None = None
 
@@ -187,20 +201,23 @@ class _Proof:
                 self.judge()
             raise
 
-    def look(self, model: Model, looks: int, *, extra: float = SECOND_REPLY_DELAY) -> None:
-        """Read the table so many times; each time a little less, so that the checksums differ.
+    def look(self, model: Model, looks: int, *, start: int = FRONT + 2, extra: float = SECOND_REPLY_DELAY) -> None:
+        """Read the table from ``start`` on so many times; each time from elsewhere, so that the checksums differ.
 
         ``extra`` is how much later (s) than one servo may reply a second one is listened for.
         """
         bus, at = self._bus, self._at
         self._readings = self._readings or _Readings(model)
         for look in range(looks):
-            start = FRONT + look % 3
-            size, sent, noise, corrupt = model.table.size - start, bus.now(), bus.noise(), bus.tally(at.id).corrupt
+            begin = start - look % 3
+            size, sent, noise, corrupt = model.table.size - begin, bus.now(), bus.noise(), bus.tally(at.id).corrupt
             self._looks += 1
             try:
-                self._readings.add(start, bus.read_block(at, start, size, tries=1), sent, bus.now())
-            except (NoReply, BadRequest):
+                self._readings.add(begin, bus.read_block(at, begin, size, tries=1), sent, bus.now())
+            except BadRequest:
+                self._missed += 1
+                self._refused += 1
+            except NoReply:
                 self._missed += 1
                 self._noisy += bus.noise() > noise and bus.tally(at.id).corrupt == corrupt
             if look < LISTENS:
@@ -224,6 +241,8 @@ class _Proof:
     def evidence(self, damaged_share: float = DAMAGED_SHARE) -> list[str]:
         """Return the traces of a second servo, or of a line that is as bad."""
         found = [] if self._readings is None else list(self._readings.evidence())
+        if self._refused >= MIN_JUMPS and self._refused < self._looks:
+            found.append(f"refuses {self._refused} of {self._looks} equal reads")
         if self._doubles >= MIN_DOUBLES or (self._doubles and not self._looks):
             found.append(f"{self._doubles} replies more than requested")
         if self._damaged >= max(MIN_DAMAGED if self._looks else 1, damaged_share * self._looks):

@@ -1,10 +1,11 @@
 """How a servo joins the robot: it is identified, then its volatile settings are restored; never its EEPROM."""
 
 from contextlib import suppress
+from math import degrees
 
 from drivers.dynamixel import wire2
 from drivers.dynamixel.bus import TRIES, At, Bus
-from drivers.dynamixel.identification import pings_alone, twin_evidence
+from drivers.dynamixel.identification import DOUBTED_GLANCES, DRIVER_GLANCES, UNPLUG, twin_evidence
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.models import model_of
 from drivers.dynamixel.register import Block
@@ -30,34 +31,53 @@ NEEDED = (
 def difference(bus: Bus, joint: Joint) -> str:
     """Return in what the servo is not what the robot file says, all of it; empty when it may be driven.
 
-    Raises NoReply, NotConnected.
+    What helps is left in the joint's ``cure``. Raises NoReply, NotConnected.
     """
+    joint.cure = ""
     number = bus.ping(joint.at, tries=1 if joint.failures else TRIES)
     if number != joint.model.number:
         known = model_of(number)
+        joint.cure = f"write model: {known.name}" if known else f"mission servo scan --ids {joint.spec.id} --robot FILE"
         return (
             f"is model {number} ({known.name if known else 'unknown'}), not {joint.model.number} ({joint.model.name})"
         )
     for block in (joint.model.table.setup, *joint.model.table.slow):
         read(bus, joint, block)
-    if evidence := twin_evidence(bus, joint.at, joint.model):
+    glances = DOUBTED_GLANCES if joint.shares_id else 0 if joint.reading.value is not None else DRIVER_GLANCES
+    if evidence := twin_evidence(bus, joint.at, joint.model, glances=glances):
+        joint.shares_id = True
+        joint.cure = UNPLUG.format(joint.spec.id)
         return f"shares its ID with another servo, or has a bad cable ({evidence})"
-    return " and ".join(_range_faults(joint) + _mode_faults(joint))
+    joint.shares_id = False
+    faults = _range_faults(joint) + _mode_faults(joint)
+    joint.cure = "; ".join(dict.fromkeys(cure for _, cure in faults))
+    return " and ".join(fault for fault, _ in faults)
 
 
-def absence(bus: Bus, joint: Joint) -> str:
-    """Return what is wrong with a servo that does not answer: it may speak the other protocol. Raises NotConnected."""
-    damaged = bus.tally(joint.spec.id).corrupt
-    if joint.reading.value is None and bus.answers_ping(joint.at, tries=1):
-        if bus.tally(joint.spec.id).corrupt > damaged:
-            return "sends damaged replies: it shares its ID with another servo, or has a bad cable"
-        return str(pings_alone(joint.at)).partition(": ")[2] + ": it answers a ping, and no read"
+def absence(bus: Bus, joint: Joint, corrupt: int) -> str:
+    """Return what is wrong with a servo that does not answer: it may speak the other protocol. Raises NotConnected.
+
+    ``corrupt`` is how many of its replies were damaged before it was looked for. What helps is left in the joint's
+    ``cure``.
+    """
+    joint.cure = ""
+    if joint.reading.value is not None:
+        return "does not answer"
+    pinged = bus.answers_ping(joint.at, tries=1)
+    if bus.tally(joint.spec.id).corrupt > corrupt:
+        joint.cure, joint.shares_id = UNPLUG.format(joint.spec.id), True
+        return "sends damaged replies: it shares its ID with another servo, or has a bad cable"
+    if pinged:
+        joint.cure = f"mission servo set {joint.spec.id} status_return_level 2 --robot FILE"
+        return "answers a ping, and no read: its status return level is 0"
     other = At(joint.spec.id, 1 if joint.at.protocol == 2 else 2)
-    if joint.reading.value is None and other.id <= wire2.LAST_ID:
+    if other.id <= wire2.LAST_ID:
         with suppress(NoReply, BadRequest):
             told = bus.identify(other, tries=1)
             known, how = model_of(told.number), called(told.at.protocol)
-            meant = f": write model: {known.name}" if known and known.protocol == told.at.protocol else ""
+            right = known is not None and known.protocol == told.at.protocol
+            joint.cure = f"write model: {known.name}" if known and right else f"mission servo info {joint.spec.id}"
+            meant = f": write model: {known.name}" if known and right else ""
             return f"answers in {how} alone, as model {told.number}, not as {joint.model.name}{meant}"
     return "does not answer"
 
@@ -101,27 +121,63 @@ def read(bus: Bus, joint: Joint, block: Block, *, tries: int = TRIES) -> None:
     joint.take(block, bus.read_block(joint.at, block.address, block.size, tries=tries))
 
 
-def _range_faults(joint: Joint) -> list[str]:
+Trouble = tuple[str, str]
+"""What keeps a servo from being driven, and what helps."""
+
+
+def _setting(joint: Joint, register: str, value: int) -> str:
+    """Return the command that changes a setting."""
+    return f"mission servo set {joint.spec.id} {register} {value} --robot FILE"
+
+
+def _range_faults(joint: Joint) -> list[Trouble]:
     """Say in what the limits of the servo do not suit the joint."""
-    low, high = (joint.value(register) for register in joint.model.table.limits)
+    names, last = joint.model.table.limits, joint.model.last
+    low, high = (joint.value(register) for register in names)
     lowest, highest = joint.bounds
     if low == high == 0:
         mode = "multi-turn" if joint.at.protocol == "STS" else "wheel"
-        return [f"is in {mode} mode (both its angle limits are 0)"]
-    if low == high == joint.model.last:
-        return [f"is in multi-turn mode (both its angle limits are {high})"]
+        return [(f"is in {mode} mode (both its angle limits are 0)", _setting(joint, names[1], last))]
+    if low == high == last:
+        told = f"is in multi-turn mode (both its angle limits are {high})"
+        return [(told, _setting(joint, names[0], 0))]
     if lowest < low or highest > high:
-        return [f"has angle limits of {low}..{high} ticks, and the joint needs {lowest}..{highest}"]
+        told = f"has angle limits of {low}..{high} ticks, and the joint needs {lowest}..{highest}"
+        return [(told, _narrower(joint, low, high))]
     return []
 
 
-def _mode_faults(joint: Joint) -> list[str]:
+def _narrower(joint: Joint, low: int, high: int) -> str:
+    """Return what helps where a servo goes less far than its joint: a servo that was calibrated is to stay so."""
+    if joint.at.protocol == "STS":
+        return (
+            "it was calibrated, by LeRobot perhaps: name the calibration file in the robot file, and leave the limits "
+            f"out (calibration: {LEROBOT_FILES}); else calibrate it: mission servo home --into FILE --robot FILE"
+        )
+    ends = sorted(degrees(joint.angle(end)) for end in (low, high))
+    return f"write limits: [{ends[0]:.0f} deg, {ends[1]:.0f} deg] in the robot file"
+
+
+LEROBOT_FILES = "~/.cache/huggingface/lerobot/calibration/robots/NAME/ID.json"
+"""Where LeRobot keeps its calibrations."""
+
+
+def _mode_faults(joint: Joint) -> list[Trouble]:
     """Say in which other settings the servo does not do what its joint needs."""
     found = []
+    table = joint.model.table
     for register, mask, needed, words in NEEDED:
-        if register in joint.model.table and (value := joint.value(register)) & mask != needed:
-            found.append(f"{words} ({register.replace('_', ' ')} {value}, not {value & ~mask | needed})")
+        if register in table and (value := joint.value(register)) & mask != needed:
+            right = value & ~mask | needed
+            cure = _setting(joint, register, right)
+            if register == "homing_offset":
+                cure = f"if no other program (LeRobot) needs its calibration: {cure}"
+            found.append((f"{words} ({register.replace('_', ' ')} {value}, not {right})", cure))
+    if joint.value(table.torque_ceiling) == 0:
+        told = f"has no force ({table.torque_ceiling.replace('_', ' ')} 0)"
+        most = joint.model.default(table[table.torque_ceiling])
+        found.append((told, _setting(joint, table.torque_ceiling, most)))
     if joint.spec.offset is not None and (offset := joint.value("position_offset")) != joint.spec.offset:
         cure = "mission servo home --restore --robot FILE"
-        found.append(f"has position offset {offset}, its calibration says {joint.spec.offset}: {cure}")
+        found.append((f"has position offset {offset}, its calibration says {joint.spec.offset}: {cure}", cure))
     return found

@@ -73,16 +73,19 @@ class JointSpec:
 class Joint:
     """One joint with its servo, and what the driver knows of it at present.
 
-    ``complaint`` says why the servo is not driven, and is empty when it is. ``wanted`` is the torque that was asked
-    for: None as long as nobody did. ``shut`` is true after the servo has shut itself down. ``table`` is a copy of the
-    servo's control table, as far as it was read. ``touched`` is true once this driver may have given the servo torque:
-    then it has to be brought to rest. ``unsettled`` is true after it was held or relaxed without confirming it.
+    ``complaint`` says why the servo is not driven, and is empty when it is; ``cure`` is what helps. ``wanted`` is the
+    torque that was asked for: None as long as nobody did. ``shut`` is true after the servo has shut itself down.
+    ``table`` is a copy of the servo's control table, as far as it was read. ``touched`` is true once this driver may
+    have given the servo torque: then it has to be brought to rest. ``unsettled`` is true after it was held or relaxed
+    without confirming it.
     """
 
     name: str
     spec: JointSpec
     model: Model
     complaint: str = "not looked for yet"
+    cure: str = ""
+    shares_id: bool = False  # another servo with its ID was noticed
     answers: bool = False
     failures: int = 0  # reads without a reply, in a row
     due: float = 0.0  # when it is read next

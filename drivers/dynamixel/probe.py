@@ -43,6 +43,7 @@ STATE: Mapping[Protocol, Block] = {1: Block(36, 8), 2: Block(124, 23), "STS": Bl
 """What changes all the time, so that two servos with one ID cannot say the same."""
 
 TWO = "damaged replies: there may be two with this ID"
+MUTE = "answers a ping, and no read: its status return level is 0"
 
 Servos = Generator[Ask, bytes, list[Unit]]
 
@@ -81,6 +82,9 @@ def _told(found: dict[int, list[Unit]]) -> Answer:
     if doubled:
         trouble = f"ID {doubled}: damaged replies; two servos may have it"
         hint = "unplug all but one of them, then: mission servo set-id 1 NEW --port PORT"
+    elif mute := [unit.id for unit in units if unit.trouble == MUTE]:
+        trouble = f"ID {', '.join(map(str, mute))}: {MUTE}"
+        hint = f"mission servo set {mute[0]} status_return_level 2 --baud {baud} --port PORT"
     elif len(found) > 1:
         others = next(rate for rate in found if rate != baud)
         number = found[others][0].id
@@ -122,16 +126,32 @@ def _asked(codec: Codec, baud: int, number: int) -> Generator[Ask, bytes, Unit |
         heard = yield _question(codec, baud, number, None, patience=PATIENT)
         replies, damaged = _replies(codec, heard)
         there = any(reply.id == number for reply in replies)
+        if there and not damaged and protocol == 1:
+            answered = yield _question(codec, baud, number, IDENTITY[protocol], patience=PATIENT)
+            if not answered and not (yield from _doubled(codec, baud, number)):
+                return Unit(number, "?", MUTE)
         return Unit(number, "?", TWO) if there or (damaged and HEADER in heard) else None
     where, own = MODEL_AND_ID[protocol]
     kind = unpack_from("<H", identity.data, where)[0]
     model = model_of(kind)
     either = protocol != 2 and identity.data[5 if protocol == 1 else 3] == number  # by the table of the other make, too
+    if protocol == 2 and model is None:  # its table may have the ID elsewhere, as that of an XL-320
+        return Unit(number, f"number {kind}", TWO if (yield from _doubled(codec, baud, number)) else "")
     if identity.data[own] != number or (either and (model is None or model.protocol != protocol)):
         return None  # another make, which has its own table
     state = yield from _read(codec, baud, number, STATE[protocol])
     name = f"number {kind}" if model is None else model.name
-    return Unit(number, name, TWO if state is None else (identity.faults & LASTING).words)
+    two = state is None or (yield from _doubled(codec, baud, number))
+    return Unit(number, name, TWO if two else (identity.faults & LASTING).words)
+
+
+def _doubled(codec: Codec, baud: int, number: int) -> Generator[Ask, bytes, bool]:
+    """Say whether a ping is answered more than once."""
+    request = codec.ping(number)
+    frame = codec.frame(request.id, request.code, request.parameters)
+    wait = (len(frame) + 2 * (codec.overhead + 3)) * 10 / baud + REPLY
+    heard = yield Ask(baud, frame, wait, lambda _: False)
+    return sum(reply.id == number for reply in _replies(codec, heard)[0]) > 1
 
 
 def _read(codec: Codec, baud: int, number: int, block: Block) -> Generator[Ask, bytes, Reply | None]:

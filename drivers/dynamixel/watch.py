@@ -66,11 +66,15 @@ class Watch:
 
     @property
     def hint(self) -> str:
-        """What to look at when servos are missing or differ."""
-        return (
-            f"check power and cable, then ID, model and baud rate ({self._bus.baud}) of the servos named: "
-            "`mission servo scan --robot FILE` shows what answers"
-        )
+        """What helps against what keeps servos from being driven: the cures that are known, else where to look."""
+        wrong = [joint for joint in self._joints if not joint.driven]
+        cures = list(dict.fromkeys(joint.cure for joint in wrong if joint.cure))
+        if any(not joint.cure for joint in wrong) or not wrong:
+            cures.append(
+                f"check power and cable, then ID, model and baud rate ({self._bus.baud}) of the servos named: "
+                "`mission servo scan --robot FILE` shows what answers"
+            )
+        return "; ".join(cures)
 
     def connect(self) -> None:
         """Open the port and look for every servo; tell in one notice all that are missing or not what they should be.
@@ -136,11 +140,12 @@ class Watch:
             with self._lock:
                 self._settle(joint)
         if joint.complaint != before:
-            self._telling.found(joint, self.hint)
+            self._telling.found(joint, joint.cure or self.hint)
         return returned
 
     def look_for(self, joint: Joint) -> None:
         """Identify one servo and restore its settings; leave the reason in its ``complaint`` if that fails."""
+        corrupt = self._bus.tally(joint.spec.id).corrupt
         with self._lock:
             try:
                 complaint = difference(self._bus, joint)
@@ -149,9 +154,10 @@ class Watch:
                     self._compare(joint)
                     restore(self._bus, joint, now=self._clock.now())
             except NoReply:
-                complaint, joint.answers = absence(self._bus, joint), False
+                complaint, joint.answers = absence(self._bus, joint, corrupt), False
             except BadRequest as error:
                 complaint = f"refuses its settings ({error})"
+                joint.cure = f"mission servo info {joint.spec.id} --robot FILE"
             joint.complaint = complaint
         joint.checked = self._clock.now()
         joint.due = 0.0 if joint.driven else joint.checked + SLOWLY

@@ -108,6 +108,15 @@ def test_two_models_with_one_id_are_noticed(names: tuple[str, str]) -> None:
             require_sole(bus, At(1, MODELS[name].protocol))
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_two_models_that_are_heard_by_turns_are_noticed(seed: int) -> None:
+    chain = VirtualServoBus([VirtualServo(1, model="AX-12A"), VirtualServo(1, model="MX-28")])
+    chain.contention = by_turns(seed)
+    bus, _, _ = direct_bus(chain)
+    with pytest.raises(DeviceFault):
+        require_sole(bus, At(1))
+
+
 @pytest.mark.parametrize("name", list(MODELS))
 @pytest.mark.parametrize("paced", [True, False])
 def test_one_servo_passes_without_a_write(name: str, *, paced: bool) -> None:
