@@ -2,7 +2,7 @@
 
 import math
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from math import inf
 from typing import Protocol
 
@@ -82,6 +82,35 @@ CATCH_UP = 0.2
 MARGIN = 1.1
 """By how much faster than its path a joint may go: one that is at each goal a little early keeps up with the next."""
 
+REPORT_TIMEOUT = 3.0
+"""Seconds for which joints are waited for that do not report, on an arm that is there: a servo restarts in one."""
+
+
+class ReportWait:
+    """Bounds the wait for joints that do not report although their arm is there: their servos may not be driven.
+
+    While the arm is away no time counts, for then it is waited for.
+    """
+
+    def __init__(self) -> None:
+        self._waited = 0.0
+        self._seen_at: float | None = None
+
+    def trouble(self, arm: Joints, silent: Collection[str], now: float) -> str:
+        """Return why ``silent`` joints are waited for no longer, with what helps; empty while they are."""
+        health = arm.health()
+        if not health.online:
+            self._waited, self._seen_at = 0.0, None
+            return ""
+        if self._seen_at is not None:
+            self._waited += min(now - self._seen_at, LONGEST_STEP)
+        self._seen_at = now
+        if self._waited < REPORT_TIMEOUT:
+            return ""
+        hint = f"; try: {health.hint}" if health.hint else ""
+        return f"{', '.join(sorted(silent))} cannot be moved: {health.detail or 'nothing is heard of it'}{hint}"
+
+
 ON_ARM: str = argument("arm", "which arm, of a robot that has several", default="arm")
 """The argument of leaves that move or feel joints, under the name ``on``."""
 
@@ -106,9 +135,11 @@ class JointMotion(Leaf):
     _time = 0.0  # on the path
     _moved_at = 0.0
     _even_since = 0.0  # since when the path's time goes as the run's
+    _wait: ReportWait
 
     def initialise(self) -> None:
         self._path = None
+        self._wait = ReportWait()
 
     @abstractmethod
     def moved(self) -> tuple[str, ...]:
@@ -128,6 +159,8 @@ class JointMotion(Leaf):
                 return self.fail("; ".join(joint_violations))
             start, joints = positions(self.robot.arm), self.moved()
             if silent := [joint for joint in joints if joint not in start]:
+                if trouble := self._wait.trouble(self.robot.arm, silent, self.run.now()):
+                    return self.fail(trouble)
                 return self.wait(f"waiting for {', '.join(sorted(silent))} to report")
             self._path = self.path({joint: start[joint] for joint in joints})
             self._time, self._moved_at = 0.0, self.run.now()

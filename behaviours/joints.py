@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from py_trees.common import Status
 
-from behaviours.joint_motion import LONGEST_STEP, ON_ARM, off, positions
+from behaviours.joint_motion import LONGEST_STEP, ON_ARM, ReportWait, off, positions
 from behaviours.joint_ranges import JointRanges, degrees
 from behaviours.leaf import IDLE, SUCCESS, Leaf, argument
 from drivers.api import Duration
@@ -41,6 +41,7 @@ class MoveJoints(Leaf):
     _time = 0.0  # that it has been at it; lost connections and pauses do not count
     _seen_at = 0.0
     _begun = 0.0
+    _wait: ReportWait
 
     def joint_violations(self, reach: JointRanges) -> list[str]:
         speeds = {} if self.speed is None else dict.fromkeys(self.to, self.speed)
@@ -48,6 +49,7 @@ class MoveJoints(Leaf):
 
     def initialise(self) -> None:
         self._goals = None
+        self._wait = ReportWait()
 
     def update(self) -> Status:
         if self._goals is None:
@@ -55,6 +57,8 @@ class MoveJoints(Leaf):
                 return self.fail("; ".join(joint_violations))
             start = positions(self.robot.arm)
             if silent := [joint for joint in self.to if joint not in start]:
+                if trouble := self._wait.trouble(self.robot.arm, silent, self.run.now()):
+                    return self.fail(trouble)
                 return self.wait(f"waiting for {', '.join(sorted(silent))} to report")
             ways = (abs(goal - start[joint]) / self._speed(joint) for joint, goal in self.to.items())
             self._limit = self.patience + max(ways, default=0.0)
@@ -79,9 +83,11 @@ class MoveJoints(Leaf):
     def _short(self, joint: str) -> str:
         """Say how far a joint is from where it was to go."""
         at, goal = positions(self.robot.arm).get(joint), self.to[joint]
+        detail = self.robot.arm.health().detail
+        why = f" ({detail})" if joint in detail else ""
         if at is None:
-            return f"{joint} does not report"
-        return f"{joint} stopped {degrees(abs(goal - at))} short of {degrees(goal)}"
+            return f"{joint} does not report{why}"
+        return f"{joint} stopped {degrees(abs(goal - at))} short of {degrees(goal)}{why}"
 
     def terminate(self, new_status: Status) -> None:
         if new_status is not SUCCESS and self._goals is not None:

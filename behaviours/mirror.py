@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 
 from py_trees.common import Status
 
-from behaviours.joint_motion import LONGEST_STEP, ON_ARM, RUN_IN, Mirroring, by_range, spans
+from behaviours.joint_motion import LONGEST_STEP, ON_ARM, RUN_IN, Mirroring, ReportWait, by_range, spans
 from behaviours.joint_ranges import JointRanges, degrees
 from behaviours.leaf import Leaf, argument
 from drivers.api import Coupling, Joints, JointState
@@ -42,6 +42,7 @@ class _Led(Leaf):
     _following = False
     _seen_at: float | None = None
     _stiff_at = 0.0  # when all that is led was stiff
+    _waits: tuple[ReportWait, ReportWait]  # for followers, and for leaders of another arm
 
     @abstractmethod
     def couplings(self, reach: JointRanges) -> tuple[Coupling, ...]:
@@ -51,6 +52,7 @@ class _Led(Leaf):
         self._couplings, self._stiff = (), ()
         self._following, self._seen_at = False, None
         self._mirroring = None
+        self._waits = ReportWait(), ReportWait()
         self._leading_arm = self.robot.arm if self.apart is None else self.robot.of({"arm": self.apart}).arm
 
     @property
@@ -67,6 +69,8 @@ class _Led(Leaf):
         leading = led if self.apart is None else _felt(self._leading_arm)
         if silent := self._silent(couplings, leading, led):
             self._following = False
+            if trouble := self._undriven(silent):
+                return self.fail(trouble)
             return self.wait(f"waiting for {', '.join(silent)} to report")
         if blocked := [led[each.follower].blocked for each in couplings if led[each.follower].blocked]:
             return self.fail("; ".join(blocked))
@@ -88,6 +92,16 @@ class _Led(Leaf):
         if self._following and self._mirroring is not None:
             self._mirroring.step(now)
         return self.wait(self.state())
+
+    def _undriven(self, silent: list[str]) -> str:
+        """Return why ``silent`` joints are waited for no longer; empty while they are."""
+        mark = "" if self.apart is None else f"{self.apart}."
+        led = [name for name in silent if not mark or not name.startswith(mark)]
+        leading = [name for name in silent if name not in led]
+        for arm, wait, names in zip((self.robot.arm, self._leading_arm), self._waits, (led, leading), strict=True):
+            if names and (trouble := wait.trouble(arm, names, self.run.now())):
+                return trouble
+        return ""
 
     def _silent(
         self, couplings: tuple[Coupling, ...], leading: Mapping[str, JointState], led: Mapping[str, JointState]

@@ -9,6 +9,7 @@ from math import inf
 
 import click
 
+from behaviours.joint_motion import REPORT_TIMEOUT
 from behaviours.joint_ranges import JointRanges
 from config.faults import one_of
 from config.library import find
@@ -23,8 +24,8 @@ from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.make import VIRTUAL_REPLY_TIMEOUT
 from drivers.dynamixel.make import joints as specs
 from drivers.dynamixel.models import MODELS, Model, model_of
-from drivers.dynamixel.units import Framing, called
-from drivers.errors import DeviceFault, DriverError, NoReply, NotConnected
+from drivers.dynamixel.units import Framing, Protocol, called
+from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply, NotConnected
 from drivers.virtual.patient_clock import PatientClock
 from missions.assembly.assemble import assemble
 from missions.assembly.assembled import CONNECT_TIME, REMARK_TIME
@@ -98,12 +99,9 @@ class Bench:
 
         An ID that servos of both protocols have is refused, unless a joint of the robot file has it.
         """
-        own = dict.fromkeys(joint.model.protocol for joint in self.joints.values() if joint.spec.id == servo)
         found: list[Identity] = []
         trouble: DriverError | None = None
-        for protocol in own or (1, 2):
-            if protocol == 2 and servo == wire.LAST_ID:
-                continue  # there no servo can have it
+        for protocol in self._protocols(servo):
             damaged = self.bus.tally(servo).corrupt
             try:
                 found.append(self.bus.identify(At(servo, protocol), tries=2))
@@ -127,6 +125,28 @@ class Bench:
             f"servo {servo} does not answer on {self.bus.port} at {self.bus.baud} baud, in any protocol",
             hint=f"mission servo scan --all-bauds{self.options}  (and look at power and cable)",
         )
+
+    def mute(self, who: str) -> list[At]:
+        """Return those of the servos that ``who`` means, as in ``servos``, which answer a ping, and no read."""
+        if _ID.fullmatch(who):
+            meant = [At(int(who), protocol) for protocol in self._protocols(int(who))]
+        else:
+            meant = [joint.at for joint in self.chosen(() if who == "all" else (who,))]
+        return [at for at in meant if not self._reads(at) and self.bus.answers_ping(at)]
+
+    def _protocols(self, servo: int) -> list[Protocol]:
+        """Return the protocols in which an ID is looked for: those of its joints in the robot file, else all."""
+        own = dict.fromkeys(joint.model.protocol for joint in self.joints.values() if joint.spec.id == servo)
+        return [each for each in own or (1, 2) if not (each == 2 and servo == wire.LAST_ID)]  # which 2.0 has not
+
+    def _reads(self, at: At) -> bool:
+        """Whether a read is answered, intact or damaged."""
+        corrupt, noise = self.bus.tally(at.id).corrupt, self.bus.noise()
+        try:
+            self.bus.read_block(at, 0, 3, tries=2)
+        except (NoReply, BadRequest):
+            return self.bus.tally(at.id).corrupt > corrupt or self.bus.noise() > noise
+        return True
 
     def require_sole(self, joint: Joint, *, looks: int = LOOKS) -> None:
         """Raise DeviceFault unless one servo alone, of the file's model, has the joint's ID; NoReply, NotConnected."""
@@ -184,6 +204,15 @@ class Arm:
     config: DynamixelKeys
     clock: Clock
     simulated: bool = False
+
+    def require(self, names: Collection[str]) -> None:
+        """Wait until joints report. Raises DeviceFault after ``REPORT_TIMEOUT`` s, with why they do not."""
+        begun = self.clock.now()
+        while silent := [name for name, it in self.joints.states().items() if name in names and not it.good]:
+            health = self.joints.health()
+            if self.clock.now() - begun > REPORT_TIMEOUT:
+                raise DeviceFault(f"{', '.join(silent)} cannot be moved: {health.detail}", hint=health.hint)
+            pause()
 
     def confirm_limp(self, names: Collection[str], *, yes: bool) -> None:
         """Wait until somebody holds the arm whose joints are to go limp; see ``confirm_limp``."""

@@ -2,19 +2,25 @@
 
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 
 import click
 
 from drivers.dynamixel.bus import At
-from drivers.dynamixel.models import Model
+from drivers.dynamixel.identification import UNPLUG, ping_evidence, require_sole
+from drivers.dynamixel.models import MODELS, Model, model_of
 from drivers.dynamixel.settings import Change, apply, planned
 from drivers.dynamixel.units import baud_code
+from drivers.errors import DeviceFault, NoReply
 from missions.cli.numbers import Whole
 from missions.cli.root import SUCCESS
 from missions.cli.servo.bench import Bench, opened_bus
 from missions.cli.servo.info import meaning
 from missions.cli.servo.target import Target, target_options
 from missions.cli.servo.until import confirm_limp
+
+LEVEL, ANSWERS_ALL = "status_return_level", 2
+"""The register that says what a servo answers, and its value for everything."""
 
 yes_option = click.option(
     "--yes", is_flag=True, help="Do not ask before the EEPROM is written, or torque goes off: somebody holds the arm."
@@ -38,6 +44,8 @@ def set_register(target: Target, servo: str, register: str, value: int, yes: boo
     cut (EEPROM) is written with the torque off, and the servo is limp afterwards.
     """
     with opened_bus(target) as bench:
+        if register == LEVEL and value == ANSWERS_ALL:
+            _wake(bench, servo, yes=yes)
         servos = bench.servos(servo)
         for _, model in servos:
             model.table.named(register)  # of all first: none is changed where another cannot be
@@ -69,6 +77,33 @@ def set_baud(target: Target, servo: str, rate: int, yes: bool) -> int:
     if target.robot is not None:
         click.echo(f"  the robot file must say baud: {rate}, once all its servos do", err=True)
     return code
+
+
+def _wake(bench: Bench, who: str, *, yes: bool) -> None:
+    """Let servos answer reads again that answer pings alone, which therefore cannot be identified before.
+
+    In protocol 1.0 only Dynamixels are silent so, and all have the register at one place; in 2.0 a ping tells the
+    model. Raises DeviceFault for one that shares its ID or has an unknown model; NoReply for one that stays silent.
+    """
+    for at in bench.mute(who):
+        if evidence := ping_evidence(bench.bus, at):
+            raise DeviceFault(f"two servos with ID {at.id}, or a bad cable: {evidence}", hint=UNPLUG.format(at.id))
+        model = MODELS["AX-12A"] if at.protocol != 2 else model_of(bench.bus.ping(at))
+        if model is None:
+            raise DeviceFault(f"servo {at.id}: its model is not known here", hint="mission servo scan")
+        click.echo(f"servo {at.id}: {LEVEL}: 0 -> {ANSWERS_ALL}, EEPROM")
+        if not yes:
+            if not sys.stdin.isatty():
+                raise click.UsageError("this writes the EEPROM: add --yes, or confirm it at a terminal")
+            click.confirm("write this into the EEPROM?", abort=True, err=True)
+        with suppress(NoReply):
+            bench.bus.write(at, model.table[LEVEL], ANSWERS_ALL)
+        try:
+            require_sole(bench.bus, at)
+        except NoReply as error:
+            hint = "switch its power off and on, then try again: its EEPROM is locked while it has torque"
+            raise NoReply(f"servo {at.id} still answers no reads", hint=hint) from error
+        click.echo(f"servo {at.id}: answers reads again")
 
 
 def _set(bench: Bench, wanted: Mapping[At, tuple[Model, Mapping[str, int]]], *, yes: bool) -> int:

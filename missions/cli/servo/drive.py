@@ -85,7 +85,7 @@ def _stiffen(bench: Bench, joint: Joint) -> None:
     """
     bus = bench.bus
     if complaint := difference(bus, joint):
-        raise DeviceFault(complaint, hint=f"mission servo info {joint.spec.id}{bench.options}")
+        raise DeviceFault(complaint, hint=joint.cure or f"mission servo info {joint.spec.id}{bench.options}")
     if joint.down:
         raise DeviceFault("has shut down, and was left as it is", hint=REMEDY)
     joint.wanted = True

@@ -55,6 +55,8 @@ def mirror(
     first.check()
     couplings = coupled(_limits(first), _limits(target), ranged)  # a wrong leader is told before anything is opened
     with opened_arms(first, target) as (leading, following):
+        leading.require({each.leader for each in couplings})
+        following.require({each.follower for each in couplings})
         leading.confirm_limp(leading.joints.limits, yes=yes)
         leading.joints.relax()
         click.echo(f"{leader} is limp, and leads: move it by hand; Enter ends it", err=True)

@@ -48,6 +48,7 @@ def record(
     with opened_arm(target) as arm:
         chosen = arm.reach.named(names)
         recording = Recording({joint: MODELS[arm.config.joints[joint].model].tick for joint in chosen})
+        arm.require(chosen)
         arm.confirm_limp(chosen, yes=yes)
         arm.joints.relax(chosen)
         click.echo(f"limp: {', '.join(chosen)}\nmove them by hand; Enter ends it", err=True)

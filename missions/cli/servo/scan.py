@@ -77,6 +77,11 @@ def scan(
         click.echo(_causes(bus.port, bauds), err=True)
         return FAILURE
     troubles = differences(found, joints, wanted, looked_for=ids)
+    for servo in found:
+        if servo.mute:
+            baud = "" if servo.baud == wanted else f" --baud {servo.baud}"
+            cure = f"mission servo set {servo.at.id} status_return_level 2{target.options}{baud}"
+            troubles.append(f"servo {servo.at.id} answers a ping, and no read\n  try: {cure}")
     for trouble in troubles:
         click.echo(trouble, err=True)
     return FAILURE if troubles else SUCCESS
@@ -119,7 +124,11 @@ def _firmware(servo: Found) -> str:
 
 def _troubles(servo: Found) -> list[str]:
     """Return what a servo complains of, and what is wrong with its replies."""
-    return [servo.faults.words] * bool(servo.faults) + ["damaged replies: two with this ID?"] * servo.garbled
+    return [
+        *[servo.faults.words] * bool(servo.faults),
+        *["damaged replies: two with this ID?"] * servo.garbled,
+        *["answers a ping, and no read: status return level 0"] * servo.mute,
+    ]
 
 
 def _json(servo: Found) -> str:
@@ -156,7 +165,7 @@ def differences(
             if servo.baud != baud:
                 cure = f"mission servo set-baud {servo.at.id} {baud} --baud {servo.baud} --port PORT"
                 troubles.append(f"{joint.title} is at {servo.baud} baud, the robot file says {baud}\n  try: {cure}")
-            elif servo.model is not joint.model:
+            elif servo.model is not joint.model and not servo.mute:
                 cure = (
                     "plug it in alone, and see what it is" if servo.model is None else f"write model: {_model(servo)}"
                 )
