@@ -119,6 +119,20 @@ class BaseLimits:
 
 
 @dataclass(frozen=True, slots=True)
+class Odometers:
+    """Raw readings of the instruments of a base, since its driver first heard from it: nothing is corrected or fused.
+
+    ``left`` and ``right`` are the metres that the encoders counted, ``turn`` the radians that these make; ``gyro`` is
+    the heading by the gyro alone, None without one.
+    """
+
+    left: float
+    right: float
+    turn: float
+    gyro: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class BaseState:
     """One report of a base: where it is, how it moves, what it feels. Battery in volts and 0..100 percent.
 
@@ -128,7 +142,7 @@ class BaseState:
     ``hazards`` names all other dangers that the base reports, such as "backup limit" and "stall left"; see
     ``drivers.base.hazards``. A base that measures no battery tells 0 V, and 100 percent. ``lean`` is how far from
     upright it stands, in radians; None where nothing measures that. ``fallen`` is True for one that lies; ``posture``
-    is that of legs.
+    is that of legs. ``odometers`` are the raw readings, None where the base tells only a pose.
     """
 
     pose: Pose2D
@@ -146,6 +160,7 @@ class BaseState:
     hazards: frozenset[str] = frozenset()
     reckoned: bool = False
     settling: bool = False
+    odometers: Odometers | None = None
     lean: float | None = None
     fallen: bool = False
     posture: Posture = Posture.UNKNOWN

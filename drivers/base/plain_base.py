@@ -16,6 +16,7 @@ from drivers.api import (
     BaseState,
     DeviceStatus,
     Health,
+    Odometers,
     Quality,
     Reading,
     Velocity,
@@ -62,6 +63,8 @@ class PlainBase(Mute, SteeredBase):
         self._wheels = wheels
         self._reckoned = reckoned
         self._reckoning = Reckoning()
+        self._odometers = Odometers(0.0, 0.0, 0.0)
+        self._counted_at = -inf
         self._closing = False
         self._counters: Counter[str] = Counter({"reports": 0, "malformed": 0})
         # Written by the link's thread alone, and replaced, never altered: any thread may read it.
@@ -109,6 +112,7 @@ class PlainBase(Mute, SteeredBase):
         with self._lock:
             self._mux.halt()
             self._reckoning.pause()
+            self._counted_at = -inf
         self._connected_at = self._moved_at = self._clock.now()  # it may move, by whoever had the port before
         self._silent = False
         self._greet_now(self._connected_at)
@@ -149,10 +153,22 @@ class PlainBase(Mute, SteeredBase):
     def _reported(self, now: float, moves: Velocity | None, *, volts: float = 0.0, percent: float = 100.0) -> None:
         """Take a report: how it ``moves``, and its battery, where that is measured. Raises NotConnected."""
         with self._lock:
+            if not self._reckoned:
+                self._count(now)
             self._reckoning.advance(now, moves)
             pose, velocity = self._reckoning.pose, self._reckoning.velocity
             state = BaseState(pose, velocity, battery_voltage=volts, battery_percent=percent, reckoned=self._reckoned)
+            if not self._reckoned:
+                state = replace(state, odometers=self._odometers)
             self._take(state, now)
+
+    def _count(self, now: float) -> None:
+        """Add up how far the wheels have turned since the report before, at the speeds that it told."""
+        left, right = self._wheels.rims(self._reckoning.velocity)
+        passed = max(now - self._counted_at, 0.0) if self._counted_at > -inf else 0.0
+        before, self._counted_at = self._odometers, now
+        left, right = before.left + left * passed, before.right + right * passed
+        self._odometers = Odometers(left, right, (right - left) / self._wheels.track)
 
     def _take(self, state: BaseState, now: float) -> None:
         """Take a state that the base has reported just now. Raises NotConnected."""

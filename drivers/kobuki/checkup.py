@@ -1,19 +1,21 @@
 """How a Kobuki is, at rest: its battery, its firmware, what it feels, and how steadily it reports."""
 
 from collections.abc import Iterator
+from math import radians
 
 from drivers.api.driver import Site
 from drivers.api.findings import Finding, warning, wrong
 from drivers.api.probing import Ask
+from drivers.base.gyro_drift import drift
 from drivers.finding.asking import OpenedPort
 from drivers.kobuki.commands import Extra, RequestExtra
 from drivers.kobuki.declared import KobukiKeys
-from drivers.kobuki.feedback import FEEDBACK, Core, FirmwareVersion
+from drivers.kobuki.feedback import FEEDBACK, Core, FirmwareVersion, Inertia
 from drivers.kobuki.odometry import EMPTY_VOLTAGE, LOW_VOLTAGE
 from drivers.kobuki.wire import FrameFinder, Part, decode, encode
 
-LISTEN = 0.5
-"""Seconds in which 25 reports come."""
+LISTEN = 1.5
+"""Seconds in which 75 reports come, enough to measure the drift of its gyro to 0.01 deg/s."""
 
 STEADY = 0.9
 """The share of its 50 reports a second that must come."""
@@ -33,7 +35,7 @@ def checkup(keys: KobukiKeys, site: Site) -> Iterator[Finding]:
 
 
 def judged(parts: list[Part]) -> Iterator[Finding]:
-    """Say what reports of half a second tell."""
+    """Say what the reports of ``LISTEN`` seconds tell."""
     reports = [part for part in parts if isinstance(part, Core)]
     if not reports:
         yield wrong("reports", "it is silent", "switch it on; look at its battery, and at the USB cable")
@@ -47,6 +49,7 @@ def judged(parts: list[Part]) -> Iterator[Finding]:
         yield warning("reports", f"{rate:.0f} of 50 a second arrive", "another cable, and a USB socket without a hub")
     else:
         yield Finding("reports", f"{rate:.0f} a second")
+    yield from _gyro(parts, reports, span)
     charge = "put it on its dock, or plug its charger in"
     if last.voltage < EMPTY_VOLTAGE and not last.charging:
         yield wrong("battery", f"{last.voltage:.1f} V: it is empty", charge)
@@ -66,3 +69,17 @@ def judged(parts: list[Part]) -> Iterator[Finding]:
     ):
         if felt:
             yield warning("senses", what, cure)
+
+
+def _gyro(parts: list[Part], reports: list[Core], span: float) -> Iterator[Finding]:
+    """Judge the drift of its gyro, unless somebody pushes it."""
+    turns = [part for part in parts if isinstance(part, Inertia)]
+    stood = all(
+        (each.left_encoder, each.right_encoder) == (reports[0].left_encoder, reports[0].right_encoder)
+        for each in reports
+    )
+    if not stood:
+        yield warning("gyro drift", "not measured: its wheels turned meanwhile", "let it stand, and try again")
+    elif len(turns) > 1 and span:
+        turned = (turns[-1].heading_cdeg - turns[0].heading_cdeg + 18000) % 36000 - 18000
+        yield drift(radians(turned / 100), span)

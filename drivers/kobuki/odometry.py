@@ -6,8 +6,9 @@ Where it is: distance from the wheels' encoders, heading from the gyro. Frames a
 from functools import cache
 from math import cos, radians, sin
 
-from drivers.api import STILL, BaseState, DockBeam, DockSignals, Pose2D, Sides, Velocity
+from drivers.api import STILL, BaseState, DockBeam, DockSignals, Odometers, Pose2D, Sides, Velocity
 from drivers.base.gyro_bias import GyroBias
+from drivers.kobuki.commands import WHEEL_SEPARATION
 from drivers.kobuki.feedback import DROPPED_LEFT, DROPPED_RIGHT, METRES_PER_TICK, Core, DockInfrared, Inertia, Side
 
 GAP = 1.0
@@ -24,6 +25,7 @@ class Odometry:
         self.commanded = False
         """Whether the base is sent anything but to stand; set by whoever sends."""
         self.bias = GyroBias()
+        self.odometers = Odometers(0.0, 0.0, 0.0, 0.0)
         self._last: tuple[Core, Inertia, float] | None = None
 
     def anchor(self) -> None:
@@ -42,15 +44,22 @@ class Odometry:
         if max(elapsed, now - before) > GAP:
             self.velocity = STILL
             return
-        left = _wrap(core.left_encoder - core_before.left_encoder, 0x10000)
-        right = _wrap(core.right_encoder - core_before.right_encoder, 0x10000)
-        travel = METRES_PER_TICK / 2 * (left + right)
+        left = METRES_PER_TICK * _wrap(core.left_encoder - core_before.left_encoder, 0x10000)
+        right = METRES_PER_TICK * _wrap(core.right_encoder - core_before.right_encoder, 0x10000)
+        travel = (left + right) / 2
         turn = radians(_wrap(inertia.heading_cdeg - inertia_before.heading_cdeg, 36000) / 100)
-        still = left == right == 0 and not self.commanded
+        self._count(left, right, turn)
+        still = left == right == 0.0 and not self.commanded
         turn, rate = self.bias.correct(turn, inertia.rate, elapsed, still=still)
         self._move(travel, turn)
         if elapsed > 0:
             self.velocity = Velocity(travel / elapsed, rate)
+
+    def _count(self, left: float, right: float, turn: float) -> None:
+        """Add up the raw readings."""
+        before = self.odometers
+        left, right, gyro = before.left + left, before.right + right, (before.gyro or 0.0) + turn
+        self.odometers = Odometers(left, right, (right - left) / WHEEL_SEPARATION, gyro)
 
     def _move(self, travel: float, turn: float) -> None:
         """Go ``travel`` metres along the mean heading of a turn by ``turn`` radians: a chord of the arc."""
@@ -111,6 +120,7 @@ class Senses:
             dock=_heard(self._dock),
             overcurrent=_wheels(core.overcurrent, left=1, right=2),
             settling=self.odometry.bias.settling,
+            odometers=self.odometry.odometers,
         )
 
 

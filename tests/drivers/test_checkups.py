@@ -19,7 +19,7 @@ from drivers.finding.fitness import CPU, THROTTLED, fitness
 from drivers.finding.machine import Machine
 from drivers.finding.survey import survey
 from drivers.kobuki.checkup import judged
-from drivers.kobuki.feedback import Core, FirmwareVersion
+from drivers.kobuki.feedback import Core, FirmwareVersion, Inertia
 from drivers.kobuki.wire import Part
 from drivers.microphone.checkup import listened
 from drivers.rplidar.checkup import checkup as scan_at_rest
@@ -192,6 +192,20 @@ def test_a_kobuki_tells_its_firmware_its_battery_and_how_steadily_it_reports() -
         Finding("reports", "50 a second"),
         Finding("battery", "15.5 V"),
     ]
+
+
+@pytest.mark.parametrize(
+    ("rate", "verdict"), [(0.0, "ok"), (0.2, "ok"), (-0.6, "warning"), (3.0, "warning"), (6.0, "wrong")]
+)
+def test_the_drift_of_a_kobuki_at_rest_is_told_in_degrees_a_second(rate: float, verdict: str) -> None:
+    count = 75
+    turns = [Inertia(round(35990 + 100 * rate * number / 50) % 36000) for number in range(count)]
+    (found,) = [each for each in judged([*heard(count=count), *turns]) if each.about == "gyro drift"]
+    assert found.verdict == verdict
+    assert float(found.what.split()[0]) == pytest.approx(rate, abs=0.02)
+    pushed = [Core(time_ms=20 * number, left_encoder=number, battery_decivolts=155) for number in range(count)]
+    (found,) = [each for each in judged([*pushed, *turns]) if each.about == "gyro drift"]
+    assert found.what == "not measured: its wheels turned meanwhile"
 
 
 def test_a_kobuki_that_is_off_lame_empty_or_hangs_in_the_air_is_told() -> None:

@@ -69,7 +69,7 @@ def test_a_joint_that_does_not_move_is_told() -> None:
 def test_every_part_that_moves_is_tried_and_a_further_head_by_its_name() -> None:
     config = load_robot(Path("config/robots/turtlebot2_arm.yaml").absolute())
     told = {part: [trial.about for trial in trials(part, section)] for part, section in config.sections.items()}
-    assert told["base"] == ["turning"]
+    assert told["base"] == ["moving"]
     assert told["head"] == ["looking"]
     assert told["arm"] == list(config.arm.limits if config.arm else ())
     assert told["voice"] == ["speaking"]

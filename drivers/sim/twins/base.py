@@ -254,6 +254,7 @@ class BaseTwin(SteeredBase, PanelTwin):
             dock=self._signals,
             overcurrent=self.body.overcurrent,
             settling=self._odometry.bias.settling,
+            odometers=self._odometry.odometers,
         )
 
     def _feels(self, now: float) -> BaseState | None:

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Unpack
 
-from drivers.api import STILL, BaseState, Velocity
+from drivers.api import STILL, BaseState, Odometers, Velocity
 from drivers.base.gyro_bias import GyroBias
 from drivers.base.progress_monitor import Instruments
 from drivers.base.reckoning import Reckoning, TwoWheels
@@ -82,5 +82,17 @@ class PlainTwin(BaseTwin):
             self._reckoning.advance(now, given)
 
     def _state(self) -> BaseState:
-        state = replace(super()._state(), reckoned=self._reckoned, settling=self._bias.settling)
+        state = replace(
+            super()._state(),
+            reckoned=self._reckoned,
+            settling=self._bias.settling,
+            odometers=self._odometers(),
+        )
         return state if self._gauge else replace(state, battery_voltage=0.0, battery_percent=100.0, charging=False)
+
+    def _odometers(self) -> Odometers | None:
+        """Return what its wheels counted; None where nothing counts them, or only a fused pose is told."""
+        if self._reckoned or self._gyro:
+            return None
+        left, right = self.body.counters.travel
+        return Odometers(left, right, (right - left) / self.body.wheels.separation)

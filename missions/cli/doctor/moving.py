@@ -5,17 +5,23 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from behaviours.catalogue import LEAVES
+from behaviours.node import Node
 from config.faults import Source
 from config.robot import RobotConfig, Section
+from drivers.api import ignore
 from drivers.api.findings import Finding, warning, wrong
 from drivers.api.sections import ArmKeys
 from missions.assembly.checkup import Checked
+from missions.cli.doctor.base_trial import TryBase
+from missions.cli.doctor.base_verdict import Seen, judge
 from missions.cli.doctor.nudge import Nudge
 from missions.cli.servo.running import run_plan
+from missions.executive.executive import Result
 from missions.language.document import check_plan
 from missions.library.target import target_of
 from missions.library.things import THINGS
 from missions.order import RunRequest
+from perception.api import Frame
 
 Ask = Callable[[str], bool]
 """Asks a person a question."""
@@ -42,6 +48,7 @@ def tried(
     config: RobotConfig, called: str, ports: Mapping[str, str], *, unwell: frozenset[str], ask: Ask
 ) -> Iterator[Checked]:
     """Yield what came of each movement; parts that are ``unwell`` are not tried."""
+    order = RunRequest("doctor", robot=called, ports=ports)
     for part, section in config.sections.items():
         for trial in trials(part, section):
             if part in unwell:
@@ -49,8 +56,10 @@ def tried(
                 yield Checked(part, warning(trial.about, "not tried, for something is wrong with it", cure))
             elif not ask(f"{part}: {trial.does}. May it?"):
                 yield Checked(part, Finding(trial.about, "not tried"))
+            elif section.driver.kind == "base":
+                yield from (Checked(part, finding) for finding in _base_tried(trial, config, order, ask))
             else:
-                yield Checked(part, _tried(trial, config, RunRequest("doctor", robot=called, ports=ports), ask))
+                yield Checked(part, _tried(trial, config, order, ask))
 
 
 def trials(part: str, section: Section) -> Iterator[Trial]:
@@ -58,9 +67,8 @@ def trials(part: str, section: Section) -> Iterator[Trial]:
     kind = section.driver.kind
     of, which = ("", "") if part == kind else (f", on: {part}", f" --{kind} {part}")
     if kind == "base":
-        does = "it turns by 10 degrees to its left, and back; the floor around it must be free"
-        cure = "look whether the plugs of its wheels or motors are swapped"
-        yield Trial("turning", does, ("turn: 10 deg", "turn: -10 deg"), "Did it turn to its left first?", cure)
+        does = "it turns by 10 degrees to its left and back, then goes 5 cm ahead and back; the floor around it is free"
+        yield Trial("moving", does, (TryBase.word,), "Did it turn to its left first?", "")
     elif kind == "head":
         poses = ((0, 0), (8, 0), (0, 0), (0, -8), (0, 0))
         steps = tuple(f"look: {{pan: {pan} deg, tilt: {tilt} deg{of}}}" for pan, tilt in poses)
@@ -79,13 +87,47 @@ def trials(part: str, section: Section) -> Iterator[Trial]:
         yield Trial("speaking", "it says a few words", ("say: one, two, three",), "Did you hear it?", cure)
 
 
-def _tried(trial: Trial, config: RobotConfig, order: RunRequest, ask: Ask) -> Finding:
-    """Have a robot do something, and say what came of it."""
-    plan = check_plan(trial.source, {**LEAVES, Nudge.word: Nudge}, THINGS, robot=target_of(config))
-    cure = trial.cure.replace("ROBOT", str(order.robot))
-    result, _ = run_plan(plan, order, out=sys.stderr)
+def _run(
+    trial: Trial, config: RobotConfig, order: RunRequest, on_frame: Callable[[Frame, object], None] = ignore
+) -> tuple[Result, Node]:
+    """Have a robot do something; return how that ended, and its tree. Raises KeyboardInterrupt."""
+    own = {Nudge.word: Nudge, TryBase.word: TryBase}
+    plan = check_plan(trial.source, {**LEAVES, **own}, THINGS, robot=target_of(config))
+    result, root = run_plan(plan, order, out=sys.stderr, on_frame=on_frame)
     if result.result == "interrupted":
         raise KeyboardInterrupt
+    return result, root
+
+
+def _base_tried(trial: Trial, config: RobotConfig, order: RunRequest, ask: Ask) -> Iterator[Finding]:
+    """Move a base a little, and judge its motors, encoders and gyro by what a person saw."""
+    result, root = _run(trial, config, order)
+    leaf = next(node for node in root.iterate() if isinstance(node, TryBase))
+    if result.result != "success":
+        yield wrong(trial.about, result.reason, f"mend that, then: mission doctor --move --robot {order.robot}")
+        return
+    turn = _seen(ask, trial.question, Seen.LEFT)
+    ahead = _seen(ask, "Then, did it go ahead first?", Seen.AHEAD)
+    yield from judge(leaf.trial, turn, ahead)
+
+
+def _seen(ask: Ask, question: str, expected: Seen) -> Seen:
+    """Ask what a movement was: the expected one first, then the opposite, then all others."""
+    if ask(question):
+        return expected
+    return next((each for each in _INSTEAD[expected] if ask(f"Did it {_DO[each]} instead?")), Seen.NONE)
+
+
+_INSTEAD = {Seen.LEFT: (Seen.RIGHT, Seen.AHEAD, Seen.BACK), Seen.AHEAD: (Seen.BACK, Seen.LEFT, Seen.RIGHT)}
+_DO = {
+    Seen.LEFT: "turn to its left", Seen.RIGHT: "turn to its right", Seen.AHEAD: "go ahead", Seen.BACK: "go back",
+}  # fmt: skip
+
+
+def _tried(trial: Trial, config: RobotConfig, order: RunRequest, ask: Ask) -> Finding:
+    """Have a robot do something, and say what came of it."""
+    cure = trial.cure.replace("ROBOT", str(order.robot))
+    result, _ = _run(trial, config, order)
     if result.result != "success":
         return wrong(trial.about, result.reason, f"mend that, then: mission doctor --move --robot {order.robot}")
     if not ask(trial.question):

@@ -23,6 +23,7 @@ from missions.order import RunRequest
 from missions.runner import Runner
 from missions.studio.control import ControlSocket
 from missions.studio.pictures import Pictures
+from perception.api import Frame
 
 NOTHING: Mapping[str, Lookup] = MappingProxyType({})
 
@@ -54,14 +55,20 @@ def run_leaf(
 
 
 def run_plan(
-    plan: Plan, order: RunRequest, before: Callable[[], None] = ignore, out: TextIO | None = None
+    plan: Plan,
+    order: RunRequest,
+    before: Callable[[], None] = ignore,
+    out: TextIO | None = None,
+    *,
+    on_frame: Callable[[Frame, object], None] = ignore,
 ) -> tuple[Result, Node]:
     """Run a plan that was made here, and show on ``out``, or stdout, what happens; return how it ended, and its tree.
 
-    ``before`` is called once nothing can be wrong with it any more, and nothing was opened yet.
+    ``before`` is called once nothing can be wrong with it any more, and nothing was opened yet; ``on_frame`` with each
+    picture of the camera that was searched, on its thread.
     """
     watcher = Watcher(out or sys.stdout)
-    runner = Runner(order, listeners=[watcher], plan=plan)
+    runner = Runner(order, listeners=[watcher], plan=plan, on_frame=on_frame)
     watcher.watch(runner.root)
     before()
     control = ControlSocket(runner, Pictures())

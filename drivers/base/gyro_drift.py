@@ -1,0 +1,26 @@
+"""The drift of a gyro at rest as a finding of a check-up."""
+
+from math import degrees
+
+from drivers.api.findings import Finding, warning, wrong
+
+DRIFT_WARNING, DRIFT_WRONG = 0.3, 5.0
+"""deg/s of a gyro at rest from which on it is worth a warning, or wrong."""
+
+TURN_SPEED = 40.0
+"""deg/s of the turn in the example of the report."""
+
+
+def drift(turned: float, seconds: float) -> Finding:
+    """Return the finding on a gyro that turned by ``turned`` radians while the base stood for ``seconds``."""
+    rate = degrees(turned) / seconds if seconds else 0.0
+    off = abs(rate) * 90 / TURN_SPEED
+    if abs(rate) < DRIFT_WARNING:
+        return Finding("gyro drift", f"{rate:+.2f} deg/s at rest")
+    what = (
+        f"{rate:+.2f} deg/s at rest: unless a run learns that while the base stands, a turn of 90 deg at "
+        f"{TURN_SPEED:g} deg/s ends {off:.1f} deg off"
+    )
+    if abs(rate) < DRIFT_WRONG:
+        return warning("gyro drift", what, "keep the base still while it is switched on; let it warm up")
+    return wrong("gyro drift", what, "switch the base off and on while it stands still; else its gyro is broken")
