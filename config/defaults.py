@@ -34,10 +34,18 @@ class DefaultsKeys:
     )
 
 
+def home_folder() -> Path:
+    """Return the user's home; for a user without one, as in a container, a folder that does not exist."""
+    try:
+        return Path.home()
+    except RuntimeError:
+        return Path("/nonexistent")
+
+
 def config_folder(environment: Mapping[str, str] = os.environ) -> Path:
     """Return where the user's own files are, as the XDG base directory specification says."""
     named = environment.get("XDG_CONFIG_HOME", "")
-    return (Path(named) if Path(named).is_absolute() else Path.home() / ".config") / "missiontree"
+    return (Path(named) if Path(named).is_absolute() else home_folder() / ".config") / "missiontree"
 
 
 def load_defaults() -> DefaultsKeys:

@@ -247,7 +247,7 @@ def run(
 def _reachable(runner: Runner, pictures: Pictures) -> Iterator[None]:
     """Have the control socket of a run, by which ``mission stop`` stops it. Raises NoStop, as its ``require_stop``."""
     with ControlSocket(runner, pictures) as control:
-        control.require_stop(f"without_stop=True, or {WITHOUT_STOP}=yes, with a hand at the robot's own switch")
+        control.require_stop(f"without_stop=True, or {WITHOUT_STOP}=yes")
         if control.trouble:
             log.warning("%s: `mission stop` cannot reach this run", control.trouble)
         yield

@@ -20,6 +20,9 @@ from drivers.pi_car.hands import hands
 BEAT = 0.02
 """Seconds between two looks at the time."""
 
+REST_TRIES = 3
+"""How often all is let rest at the end."""
+
 FORSAKEN = 5.0
 """Seconds of silence after which nobody will come back: somebody else may want the pins."""
 
@@ -39,11 +42,21 @@ def main(told: str) -> int:
         serve(keeper, clock)
     except Exception as error:
         why = error
-    finally:
-        for _ in range(3):  # one may be lost on the bus
-            with suppress(Exception):
-                keeper.rest(clock.now())
+    unrested = _unrested(keeper, clock)
+    if unrested is not None:
+        return complain(RuntimeError(f"the actuators perhaps do not rest: {type(unrested).__name__}: {unrested}"))
     return 0 if why is None else complain(why)
+
+
+def _unrested(keeper: Keeper, clock: SystemClock) -> Exception | None:
+    """Let all rest, thrice, for one may be lost on the bus; return why it was not possible even once."""
+    errors = list[Exception]()
+    for _ in range(REST_TRIES):
+        try:
+            keeper.rest(clock.now())
+        except Exception as error:
+            errors.append(error)
+    return errors[-1] if len(errors) == REST_TRIES else None
 
 
 def serve(keeper: Keeper, clock: SystemClock) -> None:

@@ -160,7 +160,7 @@ def _check(order: RunRequest, outputs: Outputs, out: TextIO, until: float | None
 
 def tell_unreachable(control: ControlSocket) -> None:
     """Say that no stop can reach a run. Raises NoStop where it would move a robot, unless the user allows that."""
-    control.require_stop("df -h; or, with a hand at the robot's own switch: mission run --without-stop")
+    control.require_stop("mission run --without-stop")
     if control.trouble:
         click.echo(f"mission: {control.trouble}: `mission stop` cannot reach this run", err=True)
 

@@ -153,9 +153,18 @@ def add(
     click.echo(f"task {number}: {new.name} {when}" + (f", then every {repetition}" if repetition else ""))
     if needs_approval:
         click.echo(f"it begins once somebody approves it: mission task approve {number}")
-    if not is_locked(server_lock(state_folder())):
+    if _served() is False:
         click.echo("nobody does tasks at the moment: mission serve", err=True)
     return SUCCESS
+
+
+def _served() -> bool | None:
+    """Return whether a server does the tasks; None where that is not known, which is told."""
+    try:
+        return is_locked(server_lock(state_folder()))
+    except OSError as error:
+        click.echo(f"it is not known whether a server does the tasks: {error}", err=True)
+        return None
 
 
 def _as_json(task: Task) -> dict[str, object]:
@@ -246,8 +255,10 @@ def cancel(number: int) -> None:
     """Cancel a task, and its repetition; one that runs is stopped safely."""
     with _queue() as (queue, _):
         state = queue.cancel(number, wall_clock())
-    running = is_locked(server_lock(state_folder()))
+    running = _served()
     stopping = "is being stopped" if running else "is cancelled as soon as `mission serve` runs again"
+    if running is None:
+        stopping = "is cancelled; it is perhaps not stopped: mission stop"
     click.echo(f"task {number} {stopping if state == 'running' else 'is cancelled'}")
 
 

@@ -4,6 +4,8 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from config.defaults import home_folder
+
 
 def data_folder(environment: Mapping[str, str] = os.environ) -> Path:
     """Return where the user's data are kept: models, pictures of people."""
@@ -31,4 +33,4 @@ def checkup_file(environment: Mapping[str, str] = os.environ) -> Path:
 
 def _folder(named: str, otherwise: str) -> Path:
     """Return ours in the folder ``named``; what is no absolute path counts as not set, says the specification."""
-    return (Path(named) if Path(named).is_absolute() else Path.home() / otherwise) / "missiontree"
+    return (Path(named) if Path(named).is_absolute() else home_folder() / otherwise) / "missiontree"

@@ -65,10 +65,10 @@ def _take(number: int, path: Path, patience: float, clock: Clock) -> None:
 
 
 def is_locked(path: Path) -> bool:
-    """Say whether some process holds the lock."""
+    """Say whether some process holds the lock. Raises OSError where that is not known."""
     try:
         number = os.open(path, os.O_RDONLY)
-    except OSError:
+    except FileNotFoundError:
         return False
     try:
         fcntl.flock(number, fcntl.LOCK_SH | fcntl.LOCK_NB)

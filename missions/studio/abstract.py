@@ -1,13 +1,16 @@
-"""Abstract sockets of runs: names that the kernel keeps, which no full, missing or emptied folder takes away.
+"""Names of runs that the kernel keeps: no full, missing or emptied folder takes them away, but the end of the process.
 
-Linux lists them in ``/proc/net/unix``, and removes each with its process. A name says whose run it is, and of which
-process. Other users see the names too, so each end checks who the other one is.
+A name says whose run it is, and of which process. It is that of an abstract socket, which ``/proc/net/unix`` lists for
+all in one network namespace; other users see it too, so each end checks who the other one is. And it is that of a file
+in memory, which ``/proc/PID/fd`` shows for whoever may end the process, also where that is in a container of its own.
 """
 
 import hashlib
 import os
 import socket
+from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from drivers.api.quick import dataclass
@@ -32,6 +35,8 @@ class AbstractName:
     identity: ProcessIdentity
     kind: str
     inode: int = 0
+    here: ProcessIdentity | None = None
+    """The process as it is seen from here, where its own file in memory was found."""
 
     @property
     def is_run(self) -> bool:
@@ -41,22 +46,22 @@ class AbstractName:
     @property
     def address(self) -> str:
         """The address as people read it, with "@" for the byte 0."""
+        return f"@{self.text}"
+
+    @property
+    def text(self) -> str:
+        """The name."""
         about = (self.uid, self.run, self.identity.start, self.identity.namespace, self.kind)
         return f"{_prefix()}{'/'.join(map(str, about))}"
 
     def has_its_process(self) -> bool:
         """Return whether the process has the socket open: another user can give a socket any name. Raises OSError."""
-        wanted = f"socket:[{self.inode}]"
-        for each in Path(f"/proc/{self.identity.pid}/fd").iterdir():
-            with suppress(FileNotFoundError):  # closed since
-                if os.readlink(each) == wanted:  # noqa: PTH115 - it is no path
-                    return True
-        return False
+        return f"socket:[{self.inode}]" in _links_of(Path(f"/proc/{self.identity.pid}/fd"))
 
 
 def _prefix() -> str:
     root = os.environ.get(SYSTEM_ROOT, "")
-    return f"@missiontree{root and '.' + hashlib.sha256(root.encode()).hexdigest()[:8]}/"
+    return f"missiontree{root and '.' + hashlib.sha256(root.encode()).hexdigest()[:8]}/"
 
 
 def name_of(run: str, kind: str, *, simulated: bool) -> AbstractName:
@@ -89,9 +94,38 @@ def _bound(name: AbstractName, kind: socket.SocketKind) -> socket.socket:
     return found
 
 
+def hold(name: AbstractName) -> int:
+    """Return the descriptor of a file in memory with this name, which shows what the process is. Raises OSError."""
+    return os.memfd_create(name.text)
+
+
+def held() -> list[AbstractName]:
+    """Return the names that processes hold, as far as this user may see that. Raises OSError without descriptors."""
+    prefix, found = f"/memfd:{_prefix()}", list[AbstractName]()
+    for process in os.listdir("/proc"):  # noqa: PTH208 - some hundreds
+        if process.isdecimal():
+            try:
+                texts = {text for text in _links_of(Path("/proc", process, "fd")) if text.startswith(prefix)}
+                here = identity_of(int(process)) if texts else None
+            except (FileNotFoundError, ProcessLookupError, PermissionError):
+                continue  # it has ended, or is another user's
+            for text in texts if here is not None else ():
+                name = _read(text.removeprefix(prefix).removesuffix(" (deleted)"), 0, here.boot if here else "")
+                if name is not None and here is not None and name.identity.start == here.start:  # not a fork of it
+                    found.append(replace(name, here=here))
+    return found
+
+
+def _links_of(folder: Path) -> Iterator[str]:
+    """Yield where the links in a folder lead."""
+    for each in folder.iterdir():
+        with suppress(FileNotFoundError):  # closed since
+            yield os.readlink(each)  # noqa: PTH115 - it is no path
+
+
 def names() -> list[AbstractName]:
     """Return those that there are, of all users. Raises OSError where the kernel's list cannot be read."""
-    prefix, found = _prefix(), list[AbstractName]()
+    prefix, found = f"@{_prefix()}", list[AbstractName]()
     here = identity_of(os.getpid())
     for line in LISTED.read_text(encoding="utf-8", errors="replace").splitlines():
         fields = line.split()

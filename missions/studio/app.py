@@ -118,7 +118,10 @@ def _record(request: Request) -> Path:
     """Return the record that is asked for: its pictures may be taken away, and an operator alone gets it."""
     if request.scope["role"] != "operator":
         raise HTTPException(403)
-    found = next((path for path in records_in(shown_folder()) if path.name == request.path_params["name"]), None)
+    try:
+        found = next((path for path in records_in(shown_folder()) if path.name == request.path_params["name"]), None)
+    except OSError as error:
+        raise HTTPException(503, f"{shown_folder()}: {error.strerror}") from error
     if found is None:
         raise HTTPException(404)
     return found

@@ -110,11 +110,14 @@ class ControlSocket:
         """Why no stop can reach the run; empty where one can."""
         return self._endpoint.trouble
 
-    def require_stop(self, hint: str) -> None:
-        """Raise NoStop where the run would move a robot and no stop can reach it, unless the user allows that."""
+    def require_stop(self, allowed: str) -> None:
+        """Raise NoStop where the run would move a robot and no stop can reach it, unless the user allows that.
+
+        ``allowed`` is what to type for that.
+        """
         order = self._runner.order
         if self.trouble and not order.without_stop:
-            require_stop(self.trouble, simulated=order.simulation is not None, hint=hint)
+            require_stop(self.trouble, simulated=order.simulation is not None, allowed=allowed)
 
     def _hang_up(self) -> None:
         self._endpoint.close()

@@ -52,6 +52,7 @@ class Endpoint:
         self._registered: list[socket.socket] = []
         self._probes: set[object] = set()
         self._errors: list[str] = []
+        self._held: int | None = None
         self._check_at = 0.0
 
     @property
@@ -105,6 +106,9 @@ class Endpoint:
                             each.address.unlink(missing_ok=True)
                 each.socket.close()
         self._file = self._abstract = None
+        if self._held is not None:
+            os.close(self._held)
+            self._held = None
 
     def _listen_in_a_folder(self) -> Listener | None:
         """Listen in the first folder that can be used."""
@@ -124,6 +128,8 @@ class Endpoint:
     def _listen_by_name(self) -> Listener | None:
         try:
             name = abstract.name_of(self._of_run.run, "run", simulated=bool(self._of_run.simulated))
+            with suppress(OSError):  # an old kernel: that is one way of several
+                self._held = abstract.hold(name) if self._held is None else self._held
             found = abstract.listen(name)
         except OSError as error:
             self._errors.append(f"no abstract control socket: {error.strerror or error}")

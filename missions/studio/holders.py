@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 
 import click
 
@@ -30,7 +30,10 @@ def noted(name: str, robot: str, simulated: str = "") -> Iterator[Notes]:
         closing.callback(notes.close)
         errors = list[OSError]()
         try:
-            closing.callback(abstract.mark(abstract.name_of(run, "command", simulated=bool(simulated))).close)
+            known = abstract.name_of(run, "command", simulated=bool(simulated))
+            with suppress(OSError):  # an old kernel: that is one way of several
+                closing.callback(os.close, abstract.hold(known))
+            closing.callback(abstract.mark(known).close)
         except OSError as error:
             errors.append(error)
         try:
@@ -66,11 +69,15 @@ def holding(robot: str, *, simulated: bool) -> Iterator[None]:
             by += notes.added()
 
 
-def require_stop(trouble: str, *, simulated: bool, hint: str = "") -> None:
-    """Raise NoStop where a robot would move although no stop reaches what moves it, unless the user allows that."""
+def require_stop(trouble: str, *, simulated: bool, allowed: str = f"{WITHOUT_STOP}=yes") -> None:
+    """Raise NoStop where a robot would move although no stop reaches what moves it, unless the user allows that.
+
+    ``allowed`` is what to type for that.
+    """
     if not simulated and os.environ.get(WITHOUT_STOP, "") in ("", "no"):
         what = f"{trouble}: `mission stop` could not stop this, so no robot is moved"
-        raise NoStop(what, hint=hint or f"df -h; or, with a hand at the robot's own switch: {WITHOUT_STOP}=yes")
+        hint = f"XDG_STATE_HOME=FOLDER that can be written; or, with a hand at the robot's own switch: {allowed}"
+        raise NoStop(what, hint=hint)
 
 
 def _tell_stop(name: str, robot: str, by: Sequence[str]) -> None:

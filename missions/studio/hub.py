@@ -81,21 +81,14 @@ class Hub:
     async def _look_next(self) -> None:
         async with self._looking:
             self._next_look = None
-            found = await asyncio.to_thread(search)
+            found = await asyncio.to_thread(partial(search, thorough=False))
             before = self._troubles, self._doubts, [*self._links]
-            new = [each for each in found.found if not each.is_command and not self._is_linked(each)]
+            new = [each for each in found.found if not each.is_command and not _is_linked(each, self._links)]
             why = await asyncio.gather(*(self._open(each) for each in new))
             self._troubles = {each.run: trouble for each, trouble in zip(new, why, strict=True) if trouble[0]}
             self._doubts = [each.words for each in found.doubts]
             if before != (self._troubles, self._doubts, [*self._links]):
                 self._changed()
-
-    def _is_linked(self, found: Found) -> bool:
-        return any(
-            found.run == run.partition("@")[0]
-            and (link.where in found.addresses or (found.identity is not None and link.identity == found.identity))
-            for run, link in self._links.items()
-        )
 
     async def _open(self, found: Found) -> tuple[str, float]:
         """Connect to a run; return why that was not possible, empty where it was, and when it was tried."""
@@ -130,7 +123,8 @@ class Hub:
             links = {} if run else dict(self._links)
             stopping = asyncio.ensure_future(self._stop_these(links, by, press))
             found = await self._searched()
-            others = [each for each in found.found if not self._is_linked(each) and (not run or each.run == run)]
+            # A connection that was made since is not among those that are asked.
+            others = [each for each in found.found if not _is_linked(each, links) and (not run or each.run == run)]
             if run and not others:
                 await self.look()
                 self.known(run)
@@ -252,6 +246,15 @@ class Hub:
         task = asyncio.ensure_future(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+
+
+def _is_linked(found: Found, links: Mapping[str, Link]) -> bool:
+    """Return whether one of the connections is to a run."""
+    return any(
+        found.run == run.partition("@")[0]
+        and (link.where in found.addresses or (found.identity is not None and link.identity == found.identity))
+        for run, link in links.items()
+    )
 
 
 def _came_of(found: Found, task: asyncio.Task[Mapping[str, object]]) -> Mapping[str, object]:

@@ -13,6 +13,7 @@ from pathlib import Path
 from config.faults import InvalidFileError
 from config.library import SUFFIXES, UnknownNameError, find, kinds_of, shipped
 from config.world import load_world
+from drivers.clock import time_of_day
 from missions.library.drivers import load_robot
 from missions.library.folders import checkup_file
 from missions.library.forms import load_with_own, params_of
@@ -140,7 +141,12 @@ def _people() -> list[str]:
 
 def _checkup() -> Json | None:
     """Return what `mission doctor` found last; None where it was not asked yet."""
-    with suppress(OSError, ValueError):
+    try:
         found = json.loads(checkup_file().read_text(encoding="utf-8"))
-        return found if isinstance(found, dict) else None
-    return None
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        what = f"cannot be read: {error}"
+        ailing = {"part": "check-up", "about": "its file", "what": what, "verdict": "fault", "cure": "mission doctor"}
+        return {"at": time_of_day().isoformat(timespec="seconds"), "robot": "", "ailing": [ailing]}
+    return found if isinstance(found, dict) else None

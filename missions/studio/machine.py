@@ -105,7 +105,7 @@ class Machine:
 
     def _follow(self) -> None:
         while not self._over.wait(GLANCE if self._stopped_by else PERIOD):
-            found = search().found
+            found = search(thorough=False).found
             for each in found if self._stopped_by else ():
                 if each.key not in self._stopped:  # what begins meanwhile stands still too
                     self._stopped.add(each.key)

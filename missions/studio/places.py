@@ -6,8 +6,8 @@
 
 import os
 import pwd
+import stat
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from pathlib import Path
 
 from drivers.api.quick import dataclass
@@ -93,10 +93,9 @@ def _own(environment: Mapping[str, str], uid: int) -> Iterator[Path]:
     if Path(environment.get("XDG_RUNTIME_DIR", "")).is_absolute():
         yield runtime_folder(environment) / "runs"
     session = _root(environment) / "run/user" / str(uid)
-    if session.is_dir():  # it is the system's to create
+    if _may_be_there(session):  # it is the system's to create
         yield session / SESSION
-    with suppress(RuntimeError):  # without HOME, a user who is not in the password file has no such folder
-        yield state_folder(environment) / "run" / "runs"
+    yield state_folder(environment) / "run" / "runs"
     home = _home(environment, uid)
     if home is not None:
         yield home / STATE
@@ -109,6 +108,9 @@ def _others(environment: Mapping[str, str]) -> Iterator[Place]:
         names = os.listdir(sessions)  # noqa: PTH208 - as above
     except (FileNotFoundError, NotADirectoryError):
         names = []
+    except OSError:
+        names = []
+        yield Place(sessions, is_own=False)  # who looks there meets the error
     for uid in {int(name) for name in [*names, environment.get("SUDO_UID", "")] if name.isdecimal()} - {0}:
         yield Place(sessions / str(uid) / SESSION, is_own=False)
         home = _home(environment, uid)
@@ -125,7 +127,23 @@ def _home(environment: Mapping[str, str], uid: int) -> Path | None:
     if root := environment.get(SYSTEM_ROOT):
         return Path(root) / "home" / str(uid)
     try:
-        home = Path(pwd.getpwuid(uid).pw_dir)
+        if uid not in _homes:
+            _homes[uid] = Path(pwd.getpwuid(uid).pw_dir)
     except KeyError:
         return None
-    return home if home.is_absolute() and home.is_dir() else None
+    home = _homes[uid]
+    return home if home.is_absolute() and _may_be_there(home) else None
+
+
+_homes: dict[int, Path] = {}
+"""By user: without a descriptor left, the password file looks as if it were empty."""
+
+
+def _may_be_there(folder: Path) -> bool:
+    """Return whether there is such a folder, or that is not known."""
+    try:
+        return stat.S_ISDIR(folder.stat().st_mode)
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except OSError:
+        return True

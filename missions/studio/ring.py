@@ -33,12 +33,16 @@ def shown_folder() -> Path:
 
 
 def records_in(folder: Path) -> list[Path]:
-    """Return the records in a folder, the newest first."""
+    """Return the records in a folder, the newest first; none where there is no folder. Raises OSError."""
+    found = list[tuple[float, Path]]()
     try:
-        found = [path for path in folder.iterdir() if path.suffix == ".mcap" and path.is_file()]
-        return sorted(found, key=lambda path: path.stat().st_mtime, reverse=True)
-    except OSError:
+        for path in folder.iterdir():
+            if path.suffix == ".mcap" and path.is_file():
+                with suppress(FileNotFoundError):  # removed meanwhile
+                    found.append((path.stat().st_mtime, path))
+    except FileNotFoundError:
         return []
+    return [path for _, path in sorted(found, reverse=True)]
 
 
 def wanted(*, simulated: bool = False) -> bool:

@@ -63,6 +63,11 @@ class Found:
         return None if self.by_name is None else self.by_name.identity
 
     @property
+    def visible(self) -> ProcessIdentity | None:
+        """The process as it is seen from here, where it may be in a container."""
+        return self.identity if self.by_name is None or self.by_name.here is None else self.by_name.here
+
+    @property
     def uid(self) -> int:
         """Whose it is."""
         if self.by_name is not None:
@@ -74,6 +79,8 @@ class Found:
 
         ``peer`` is who has listened at its socket, for one that has left no note and no name.
         """
+        if self.by_name is not None and self.by_name.here is not None:
+            return self.by_name.here.lives()
         if self.holder is not None:
             return self.holder.lives()
         identity = peer if self.by_name is None else self.by_name.identity
@@ -83,12 +90,14 @@ class Found:
 
     def terminate(self, peer: ProcessIdentity | None) -> None:
         """Send its process SIGTERM, if it has not ended. Raises OSError where it cannot be told from another one."""
-        if self.holder is not None:
+        if self.by_name is not None and self.by_name.here is not None:
+            self.by_name.here.terminate()
+        elif self.holder is not None:
             self.holder.terminate()
         elif self.by_name is None and peer is not None:
             peer.terminate(None if os.geteuid() else self.uid)
         elif self.by_name is not None and self.by_name.has_its_process():
-            self.by_name.identity.terminate(self.by_name.uid)
+            self.by_name.identity.terminate(None if os.geteuid() else self.by_name.uid)
         else:
             raise OSError("it is not known which process it is")
 
@@ -96,9 +105,10 @@ class Found:
         """Return the command, also where it could leave no note."""
         if self.holder is not None:
             return self.holder
-        if self.by_name is None or not self.by_name.has_its_process():
+        name = self.by_name
+        if name is None or (name.here is None and not name.has_its_process()):
             raise OSError("it is not known which process it is")
-        identity, simulated = self.by_name.identity, SIMULATED[1:] * self.by_name.kind.endswith(SIMULATED)
+        identity, simulated = name.here or name.identity, SIMULATED[1:] * name.kind.endswith(SIMULATED)
         return Holder(identity.pid, "a command", "a robot", simulated, self.run, identity=identity, uid=self.uid)
 
     @property
@@ -126,8 +136,11 @@ class Search:
     doubts: list[Doubt] = field(default_factory=list)
 
 
-def search() -> Search:
-    """Look in every place where a run, or a command that moves a robot, of this user can be."""
+def search(*, thorough: bool = True) -> Search:
+    """Look in every place where a run, or a command that moves a robot, of this user can be.
+
+    Where it is ``thorough`` each process of this user is looked at, too, which takes some milliseconds.
+    """
     result = Search()
     holders, files = list[Holder](), list[Path]()
     for place in places():
@@ -145,20 +158,21 @@ def search() -> Search:
                     result.doubts.append(doubt_of(f"{place.folder / name} cannot be read", error))
                 else:
                     holders += [] if holder is None else [holder]
-    result.found = _together(holders, files, _listed(result.doubts))
+    result.found = _together(holders, files, _listed(result.doubts, thorough=thorough))
     return result
 
 
-def _listed(doubts: list[Doubt]) -> list[AbstractName]:
-    """Return the abstract names of this user; of others only that there is one is told."""
-    try:
-        names = abstract.names()
-    except OSError as error:
-        doubts.append(doubt_of(f"{abstract.LISTED} cannot be read", error))
-        return []
+def _listed(doubts: list[Doubt], *, thorough: bool) -> list[AbstractName]:
+    """Return the names that the kernel has of this user's runs; of others only that there is one is told."""
+    names = list[AbstractName]()
+    for look, what in ((abstract.names, abstract.LISTED), (abstract.held, "/proc")):
+        try:
+            names += look() if thorough or look is abstract.names else ()
+        except OSError as error:
+            doubts.append(doubt_of(f"{what} cannot be read", error))
     mine = []
     for name in names:
-        if os.geteuid() in (0, name.uid):
+        if os.geteuid() in (0, name.uid) or name.here is not None:
             mine.append(name)
         elif not name.kind.endswith(SIMULATED):
             doubts.append(Doubt(f"process {name.run} of another user ({name.uid}) has a robot", "sudo mission stop"))
@@ -179,7 +193,9 @@ def _together(holders: Sequence[Holder], files: Sequence[Path], names: Sequence[
     for name in names:
         key = name.run, name.identity
         same = found.get(key, Found(name.run))
-        more = [name.address] if name.is_run else []
+        more = [name.address] if name.is_run and name.here is None else []
+        if same.by_name is not None:  # it is told by its socket and by its process
+            name = replace(name, inode=name.inode or same.by_name.inode, here=name.here or same.by_name.here)  # noqa: PLW2901
         found[key] = replace(same, addresses=tuple(dict.fromkeys([*same.addresses, *more])), by_name=name)
     noted = {address for each in found.values() for address in each.addresses}
     alone = [Found(sockets.run_of(path), (path,)) for path in dict.fromkeys(files) if path not in noted]
@@ -212,7 +228,7 @@ def is_own(found: Found) -> bool:
 
 def addresses_of(run: str) -> list[Address]:
     """Return where a run may answer; none for one that is not there. Raises OSError where that is not known."""
-    result = search()
+    result = search(thorough=False)
     found = [address for each in result.found if each.run == run for address in each.addresses]
     if result.doubts and not found:
         raise OSError(result.doubts[0].why)
@@ -221,7 +237,7 @@ def addresses_of(run: str) -> list[Address]:
 
 def is_listed(run: str) -> bool:
     """Return whether a run has a control socket, as far as can be seen."""
-    return any(each.run == run and each.addresses for each in search().found)
+    return any(each.run == run and each.addresses for each in search(thorough=False).found)
 
 
 def may_live(found: Found) -> bool:

@@ -45,11 +45,12 @@ def ask_all(
     what a search has found just now; of the runs it is ``only`` those with such a first message. What could not be
     looked at, and could be meant, is returned as well.
     """
-    found = search() if found is None else found
     asking = Asking(asked, by, which, only)
-    work = [Thread(target=asking.ask, args=(each,)) for each in found.found]
-    for thread in work:  # all at the same time: one that hangs holds up no other
-        thread.start()
+    found = search(thorough=False) if found is None else found
+    work = asking.begin(found.found)
+    known = {each.key for each in found.found}
+    found = search()  # what is there at once does not wait for this
+    work += asking.begin([each for each in found.found if each.key not in known])
     for thread in work:
         thread.join()
     if not which or not asking.answered.issuperset(which):
@@ -78,6 +79,13 @@ class Asking:
     @property
     def _stops(self) -> bool:
         return any(command["do"] == "stop" for command in self.commands)
+
+    def begin(self, found: Sequence[Found]) -> list[Thread]:
+        """Ask all at the same time, so that one that hangs holds up no other; return the threads that do."""
+        work = [Thread(target=self.ask, args=(each,)) for each in found]
+        for thread in work:
+            thread.start()
+        return work
 
     def ask(self, found: Found) -> None:
         """Ask one, if it is meant, and note what came of it."""
@@ -186,7 +194,7 @@ class Asking:
 
     def _terminate(self, found: Found, peer: ProcessIdentity | None, why: str) -> None:
         """Send a run that hangs the signal that its watchdog hears, and wait for its end."""
-        identity = found.identity or peer
+        identity = found.visible or peer
         try:
             found.terminate(peer)
             if identity is not None and identity.has_ended_within(RUN_END_TIME):

@@ -21,7 +21,7 @@ def kept_in() -> Path:
 def kept_tokens(path: Path | None = None) -> tuple[str, str]:
     """Return the operator's and the viewer's token of last time, or new ones that are kept now. Raises OSError."""
     path = kept_in() if path is None else path
-    with suppress(OSError, ValueError, TypeError, KeyError):
+    with suppress(FileNotFoundError, ValueError, TypeError, KeyError):
         found = json.loads(path.read_text(encoding="ascii"))
         operator, viewer = (str(found[name]) for name in NAMES)
         if min(len(operator), len(viewer)) >= SHORTEST and path.stat().st_mode & 0o077 == 0:

@@ -16,7 +16,9 @@ from gpiozero.pins.mock import MockFactory, MockPWMPin
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from drivers.keeper import wire
+from drivers.pi_car import guardian
 from drivers.pi_car.dial import COMMAND, CURE, Guarded, Guardian
+from drivers.pi_car.guardian import REST_TRIES
 from drivers.pi_car.hands import on_channels, on_pins, servos
 from drivers.pi_car.pca9685 import Pca9685
 from drivers.ports import Lost, explain
@@ -228,6 +230,33 @@ def test_a_driver_that_is_killed_leaves_motors_that_stand(
     os.kill(driver.pid, signal.SIGKILL)
     wait_until(lambda: not journal.turns())
     assert clock.now() <= WITHIN
+
+
+class Stubborn:
+    """A keeper whose bus fails the first times."""
+
+    def __init__(self, fails: int) -> None:
+        self.fails, self.rested = fails, 0
+
+    def rest(self, now: float) -> None:
+        self.fails -= 1
+        if self.fails >= 0:
+            raise OSError(f"no acknowledgement at {now > 0}")
+        self.rested += 1
+
+
+@pytest.mark.parametrize(("fails", "is_told"), [(0, False), (REST_TRIES - 1, False), (REST_TRIES, True)])
+def test_a_guardian_that_cannot_let_the_motors_rest_says_so(
+    fails: int, is_told: bool, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    keeper = Stubborn(fails)
+    monkeypatch.setattr(guardian, "hands", lambda _: None)
+    monkeypatch.setattr(guardian, "Keeper", lambda *_: keeper)
+    monkeypatch.setattr(guardian, "serve", lambda *_: None)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    assert guardian.main("{}") == int(is_told)
+    assert keeper.rested == max(0, REST_TRIES - fails)
+    assert ("the actuators perhaps do not rest: OSError: no acknowledgement" in capfd.readouterr().out) == is_told
 
 
 @pytest.mark.real_time

@@ -1,9 +1,9 @@
 """The stop of a fleet, kept on the disk: a robot that was stopped is stopped after it was switched on again."""
 
+import errno
 import json
 import os
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from threading import Lock
 
@@ -19,11 +19,11 @@ class FleetLatch:
 
     def load(self) -> None:
         """Take up what was kept. A file that cannot be read counts as a stop: a person is to look."""
-        if not self._path.exists():
-            return
         try:
             told = json.loads(self._path.read_text(encoding="utf-8"))
             self.by, self.number = str(told["by"]), int(told["number"])
+        except FileNotFoundError:
+            return
         except (OSError, ValueError, KeyError, TypeError) as error:
             self.by = f"nobody known: {self._path} cannot be read ({type(error).__name__})"
 
@@ -64,9 +64,11 @@ class FleetLatch:
             file.flush()
             os.fsync(file.fileno())
         new.replace(self._path)
-        with suppress(OSError):
-            folder = os.open(new.parent, os.O_RDONLY | os.O_DIRECTORY)
-            try:
-                os.fsync(folder)
-            finally:
-                os.close(folder)
+        folder = os.open(new.parent, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(folder)
+        except OSError as error:
+            if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # a file system that cannot do this for folders
+                raise
+        finally:
+            os.close(folder)

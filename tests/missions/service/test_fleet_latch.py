@@ -1,7 +1,9 @@
 """A robot of a fleet whose disk or wire fails at the worst moment: it stays stopped, and stays in the fleet."""
 
+import errno
 import json
 import os
+import stat
 from pathlib import Path
 from threading import enumerate as enumerate_threads
 
@@ -28,6 +30,24 @@ def test_a_robot_is_stopped_until_its_release_is_on_the_disk(tmp_path: Path, mon
     again = FleetLatch(tmp_path)
     again.load()
     assert not again.stopped
+
+
+def test_a_robot_whose_latch_cannot_be_read_counts_as_stopped(tmp_path: Path) -> None:
+    (tmp_path / "folder").write_text("a file in the way", encoding="utf-8")
+    latch = FleetLatch(tmp_path / "folder")
+    latch.load()
+    assert latch.stopped
+    assert "cannot be read (NotADirectoryError)" in latch.by
+
+
+def test_a_stop_that_is_not_on_the_disk_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(number: int) -> None:
+        if stat.S_ISDIR(os.fstat(number).st_mode):
+            raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(os, "fsync", full)
+    _, keep = FleetLatch(tmp_path).stop("me")
+    assert keep() == "; it is not kept over a restart: Input/output error"
 
 
 def test_a_robot_stays_in_its_fleet_when_an_answer_cannot_be_sent(tmp_path: Path) -> None:

@@ -253,6 +253,8 @@ def test_a_lock_is_held_by_one(tmp_path: Path) -> None:
     assert not is_locked(path)
     with locked(path):
         pass
+    with pytest.raises(NotADirectoryError):  # a lock that cannot be looked at is not a free one
+        is_locked(path / "beneath")
 
 
 class Prober:

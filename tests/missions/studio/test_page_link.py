@@ -1,5 +1,6 @@
 """What the studio's page says over its connections, and when."""
 
+import os
 from collections.abc import Mapping
 from functools import partial
 from itertools import count
@@ -9,6 +10,7 @@ from typing import Any, cast
 
 import pytest
 
+from missions.studio.places import SESSION
 from tests.browser import Browser
 from tests.missions.studio.lossy import Lossy, lossy
 from tests.missions.studio.page import Page
@@ -141,6 +143,24 @@ def test_stop_stays_red_under_the_mouse(browser: Browser, served: Served) -> Non
     page.tab.ask("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
     wait_until(lambda: page.tab.evaluate("!!document.querySelector('.stop:hover')"))
     assert page.tab.evaluate(colour) == red
+
+
+def test_a_stop_that_has_perhaps_not_happened_is_told_in_red_until_one_has(browser: Browser, served: Served) -> None:
+    runs = Path(served.runtime) / "system/run/user" / str(os.geteuid()) / SESSION
+    runs.parent.mkdir(parents=True)
+    page = Page(browser, served, view="#run")
+    runs.symlink_to(runs)  # a folder that nobody can read
+    try:
+        page.wait_for("STOP perhaps does not reach all that runs", "Too many levels of symbolic links")
+        page.stop.click()
+        page.wait_for("PERHAPS NOT STOPPED", "Too many levels of symbolic links", "Use the robot's own switch")
+        colour = "getComputedStyle(document.querySelector('.latched')).backgroundColor"
+        assert page.tab.evaluate(colour) == "rgb(196, 18, 26)"
+    finally:
+        runs.unlink()
+    page.stop.click()
+    page.wait_for("there was nothing to stop")
+    assert "PERHAPS" not in page.tab.text()
 
 
 def test_the_camera_is_asked_for_only_while_somebody_looks(browser: Browser, served: Served, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from missions.executive.events import NodeChanged
 from missions.library.folders import checkup_file, state_folder
-from missions.studio import looking_back
+from missions.studio import library, looking_back
 from missions.studio.form import BadMessage
 from missions.studio.ring import records_folder
 from tests.browser import Browser
@@ -208,6 +208,15 @@ def test_what_the_doctor_found_last_stands_beside_the_missions(
     page = Page(browser, served)
     page.wait_for("mission doctor, 2026-11-23 14:05, my kit:", "warning: arm, elbow", "10.1 V is little")
     page.wait_for("<img src=x", "Try: charge the battery")
+
+
+def test_a_checkup_that_cannot_be_read_is_not_taken_for_none() -> None:
+    assert library._checkup() is None
+    checkup_file().parent.mkdir(parents=True, exist_ok=True)
+    checkup_file().write_text("{", encoding="utf-8")
+    found = library._checkup()
+    assert found is not None
+    assert "cannot be read" in str(found["ailing"])
 
 
 def test_who_is_to_be_known_needs_a_name_and_a_run_with_a_camera(browser: Browser, served: Served) -> None:

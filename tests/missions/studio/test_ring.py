@@ -43,6 +43,28 @@ def test_the_newest_stays_however_large_it_is(tmp_path: Path, monkeypatch: pytes
     assert path.exists()
 
 
+def test_a_folder_that_cannot_be_read_is_an_error_and_no_empty_one(tmp_path: Path) -> None:
+    assert ring.records_in(tmp_path / "missing") == []
+    (tmp_path / "file").touch()
+    with pytest.raises(NotADirectoryError):
+        ring.records_in(tmp_path / "file")
+
+
+def test_a_record_that_is_removed_meanwhile_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("one.mcap", "two.mcap"):
+        (tmp_path / name).touch()
+    is_file = Path.is_file
+
+    def removed(path: Path) -> bool:
+        found = is_file(path)
+        if path.name == "one.mcap":
+            path.unlink()
+        return found
+
+    monkeypatch.setattr(Path, "is_file", removed)
+    assert [path.name for path in ring.records_in(tmp_path)] == ["two.mcap"]
+
+
 @pytest.mark.parametrize(
     ("said", "default", "robot", "simulated"),
     [

@@ -1,0 +1,159 @@
+"""The sockets and notes of a run: what is missing, or is another's, is made anew, elsewhere where need be."""
+
+import errno
+import os
+import selectors
+import shutil
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from missions.studio import abstract, sockets
+from missions.studio.endpoint import CHECK_INTERVAL, LISTENER, Endpoint
+from missions.studio.messages import Run
+from missions.studio.places import places
+from missions.studio.searching import search
+
+RUN = str(os.getpid())
+
+
+@pytest.fixture
+def found() -> Iterator[Endpoint]:
+    selector = selectors.DefaultSelector()
+    made = Endpoint(selector, Run(run=RUN, pid=os.getpid(), mission="m", robot="r", simulated="", began=0.0))
+    made.turn(0.0)
+    assert made.trouble == ""
+    yield made
+    made.close()
+    selector.close()
+    assert search().found == []
+
+
+def addresses() -> list[str]:
+    (run,) = search().found
+    return [str(each) for each in run.addresses]
+
+
+def answers(where: sockets.Address, run: Endpoint) -> bool:
+    """Whether a connection reaches a listener of the run."""
+    with sockets.connect(where) as connection:
+        for listener in run.listeners:
+            try:
+                accepted, _ = listener.accept()
+            except BlockingIOError:
+                continue
+            with accepted:
+                accepted.sendall(b"x")
+                if connection.recv(1) == b"x":
+                    return True
+    return False
+
+
+def drain(run: Endpoint) -> None:
+    """Take the looks of a run at itself from its sockets."""
+    for listener in run.listeners:
+        try:
+            while True:
+                accepted, peer = listener.accept()
+                assert run.is_probe(peer)
+                accepted.close()
+        except BlockingIOError:
+            continue
+
+
+def test_a_run_has_a_socket_file_an_abstract_socket_and_notes_in_all_folders(
+    found: Endpoint,  # noqa: ARG001 - which has made them
+) -> None:
+    assert addresses() == [str(sockets.path_of(RUN)), abstract.name_of(RUN, "run", simulated=False).address]
+    assert all((place.folder / f"{RUN}.note").exists() for place in places())
+
+
+@pytest.mark.parametrize("what", ["sock", "note"])
+def test_what_is_removed_is_made_again(found: Endpoint, what: str) -> None:
+    for place in places():
+        (place.folder / f"{RUN}.{what}").unlink(missing_ok=True)
+    found.turn(CHECK_INTERVAL)
+    drain(found)
+    assert (sockets.socket_folder() / f"{RUN}.{what}").exists()
+    assert answers(sockets.path_of(RUN), found)
+
+
+def test_a_folder_that_has_gone_is_made_again_or_another_one_is_used(found: Endpoint) -> None:
+    first, second = places()[:2]
+    shutil.rmtree(first.folder)
+    found.turn(CHECK_INTERVAL)
+    assert (first.folder / f"{RUN}.sock").exists()
+    drain(found)
+    shutil.rmtree(first.folder)
+    first.folder.write_text("in the way", encoding="utf-8")
+    found.turn(2 * CHECK_INTERVAL)
+    drain(found)
+    assert answers(second.folder / f"{RUN}.sock", found)
+    assert str(second.folder / f"{RUN}.sock") in addresses()
+    assert found.trouble == ""
+    first.folder.unlink()
+
+
+def test_a_socket_in_the_place_of_its_own_is_replaced(found: Endpoint) -> None:
+    path = sockets.path_of(RUN)
+    path.unlink()
+    with socket.socket(socket.AF_UNIX) as thief:
+        thief.bind(str(path))
+        thief.listen()
+        found.turn(CHECK_INTERVAL)
+        drain(found)
+        assert answers(path, found)
+
+
+def test_a_listener_that_was_closed_is_replaced(found: Endpoint) -> None:
+    for listener in found.listeners:
+        listener.shutdown(socket.SHUT_RDWR)
+    found.turn(CHECK_INTERVAL)
+    drain(found)
+    assert answers(sockets.path_of(RUN), found)
+
+
+@pytest.mark.parametrize("number", [errno.EMFILE, errno.ENFILE, errno.EAGAIN])
+def test_a_run_that_cannot_look_keeps_what_it_has(
+    found: Endpoint, number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = found.listeners
+
+    def refuse(*_: object) -> socket.socket:
+        raise OSError(number, os.strerror(number))
+
+    with monkeypatch.context() as patch:
+        patch.setattr("missions.studio.endpoint.socket.socket", refuse)
+        found.turn(CHECK_INTERVAL)
+    assert found.listeners == before
+    drain(found)
+    assert answers(sockets.path_of(RUN), found)
+
+
+def test_a_full_disk_leaves_a_trouble_and_room_takes_it_away(found: Endpoint, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **__: object) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    for place in places():
+        shutil.rmtree(place.folder, ignore_errors=True)
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "mkdir", full)
+        found.turn(CHECK_INTERVAL)
+        assert "No space left on device" in found.trouble
+        drain(found)
+        assert answers(abstract.name_of(RUN, "run", simulated=False).address, found)  # which needs no disk
+    found.turn(2 * CHECK_INTERVAL)
+    assert found.trouble == ""
+
+
+def test_the_selector_waits_for_the_sockets_that_there_are_now(found: Endpoint) -> None:
+    sockets.path_of(RUN).unlink()
+    found.turn(CHECK_INTERVAL)
+    registered = {key.fileobj for key in found._selector.get_map().values() if key.data is LISTENER}
+    assert registered == set(found.listeners)
+    found.rest(found.listeners[0], CHECK_INTERVAL)
+    assert len(found._selector.get_map()) == 1
+    found.turn(found.due)
+    assert len(found._selector.get_map()) == 2

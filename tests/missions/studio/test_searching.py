@@ -1,0 +1,304 @@
+"""The search for what moves: what cannot be looked at is a doubt, and no other process is taken for a run."""
+
+import asyncio
+import errno
+import json
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from threading import Thread
+from typing import Self
+
+import pytest
+
+from missions.studio import abstract, hub, places, sockets, stopping
+from missions.studio.abstract import AbstractName
+from missions.studio.hub import UNKNOWN, Hub
+from missions.studio.notes import Notes
+from missions.studio.processes import identity_of
+from missions.studio.searching import Search, search
+from tests.missions.command import PATIENCE, command
+from tests.waiting import wait_until
+
+ERRORS = (errno.EACCES, errno.EMFILE, errno.ENFILE, errno.EIO, errno.ESTALE, errno.ELOOP)
+
+
+@contextmanager
+def sleeper(program: str = "import sys; sys.stdin.read()") -> Iterator[subprocess.Popen[str]]:
+    """A process that ends with this; its first line of output says that it has begun, if it has one."""
+    words = [sys.executable, "-c", program]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+NOTED = """
+import sys
+from missions.studio.notes import Notes
+notes = Notes({run}, "driving", "turtlebot2", "", is_run=True)
+notes.write(["/nowhere/4711.sock"])
+print("noted", flush=True)
+sys.stdin.read()
+"""
+
+
+@contextmanager
+def noted_run() -> Iterator[subprocess.Popen[str]]:
+    """A process with the note of a run, which nobody reaches at its socket."""
+    with sleeper(NOTED.format(run="str(__import__('os').getpid())")) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "noted\n"
+        yield process
+
+
+def note_of(process: int) -> Path:
+    return sockets.socket_folder() / f"{process}.note"
+
+
+# --- what cannot be looked at -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", ERRORS)
+def test_a_folder_that_cannot_be_read_is_a_doubt(
+    number: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sockets.socket_folder()
+
+    def refuse(folder: Path) -> list[str]:
+        raise OSError(number, os.strerror(number), str(folder))
+
+    monkeypatch.setattr(os, "listdir", refuse)
+    for words in (["stop"], ["stop", "--list"], ["stop", "--release"], ["stop", "greet"]):
+        told = command(capsys, *words)
+        assert told.code == 1
+        assert "no mission runs" not in told.out
+        assert os.strerror(number) in told.out + told.err
+    assert "perhaps not stopped: " in command(capsys, "stop").out
+    found = asyncio.run(Hub(lambda: None).stop("", "a test"))
+    assert "perhaps not stopped" in str(found[UNKNOWN]["trouble"])  # type: ignore[index]
+
+
+def test_a_list_of_the_kernel_that_cannot_be_read_is_a_doubt(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr(abstract, "LISTED", tmp_path / "missing")
+    told = command(capsys, "stop")
+    assert (told.code, "missing cannot be read" in told.out) == (1, True)
+
+
+def test_the_folder_of_another_user_holds_no_run_and_leaves_no_doubt(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    folder = tmp_path / "missiontree/runs"
+    folder.mkdir(parents=True)
+    (folder / "1.note").write_text("of another user", encoding="utf-8")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 12345)
+    monkeypatch.setattr(abstract, "names", list)
+    assert command(capsys, "stop").out == "no mission runs\n"
+
+
+@pytest.mark.parametrize(("kind", "doubts"), [("run", 1), ("command", 1), ("run-simulated", 0)])
+def test_the_robot_of_another_user_is_a_doubt_and_a_simulated_one_is_none(
+    kind: str, doubts: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    identity = identity_of(os.getpid())
+    assert identity is not None
+    monkeypatch.setattr(abstract, "names", lambda: [AbstractName(2, "4711", identity, kind)])
+    monkeypatch.setattr(os, "geteuid", lambda: 1)
+    told = command(capsys, "stop")
+    assert told.code == doubts
+    assert ("sudo mission stop" in told.out) == bool(doubts)
+
+
+# --- whom a note means ------------------------------------------------------------------------------------------------
+
+
+def test_a_process_with_a_note_and_without_a_socket_is_ended_by_sigterm(capsys: pytest.CaptureFixture[str]) -> None:
+    with noted_run() as process:
+        told = command(capsys, "stop")
+        assert process.wait(PATIENCE) == -15
+    assert told.code == 0
+    assert told.out.startswith(f"{process.pid}: driving on turtlebot2: hangs (No such file or directory); SIGTERM")
+    assert command(capsys, "stop").out == "no mission runs\n"
+
+
+def test_a_process_that_has_got_the_number_of_a_run_is_not_ended(capsys: pytest.CaptureFixture[str]) -> None:
+    with noted_run() as run:
+        about = json.loads(note_of(run.pid).read_text(encoding="utf-8"))
+    with sleeper() as process:
+        pid, start, boot, namespace = about["process"]
+        for number, (since, when) in enumerate([(start, boot), (1, boot), (start, "an earlier start")]):
+            about |= {"process": [process.pid, since, when, namespace], "run": str(process.pid)}
+            note_of(process.pid + number).write_text(json.dumps(about) + "\n", encoding="utf-8")
+        told = command(capsys, "stop")
+        assert process.poll() is None
+    assert (told.code, told.out) == (0, "no mission runs\n")
+    assert list(sockets.socket_folder().glob("*.note")) == []
+    assert pid == run.pid
+
+
+def test_a_note_of_another_computer_that_shares_the_home_is_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    with noted_run() as run:
+        about = json.loads(note_of(run.pid).read_text(encoding="utf-8"))
+    about["computer"] = "another"
+    note_of(run.pid).write_text(json.dumps(about) + "\n", encoding="utf-8")
+    assert command(capsys, "stop").out == "no mission runs\n"
+    assert note_of(run.pid).exists()
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"name": 1}', "null"])
+def test_a_note_that_cannot_be_understood_is_a_doubt_while_its_process_lives(
+    text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with sleeper() as process:
+        note_of(process.pid).write_text(text, encoding="utf-8")
+        told = command(capsys, "stop")
+        assert (told.code, "cannot be understood" in told.out) == (1, True)
+        assert process.poll() is None
+    process.wait()
+    assert command(capsys, "stop").code == 0
+    assert not note_of(process.pid).exists()
+
+
+def test_a_run_in_another_namespace_of_processes_is_a_doubt(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write, own = json.dumps, identity_of(os.getpid())
+    assert own is not None
+    with monkeypatch.context() as patch:
+        patch.setattr("missions.studio.notes.json.dumps", lambda told: write({**told, "process": [1, 2, own.boot, 3]}))
+        notes = Notes("1", "driving", "turtlebot2", "", is_run=True)
+        notes.write()
+    told = command(capsys, "stop")
+    notes.close()
+    assert told.code == 1
+    assert "is in another container, or on another computer: perhaps not stopped" in told.out
+
+
+# --- what a run answers -----------------------------------------------------------------------------------------------
+
+
+class Answering:
+    """A control socket that answers each line by ``answer``, or not at all for None."""
+
+    def __init__(self, answer: Callable[[Mapping[str, object]], Mapping[str, object] | None]) -> None:
+        self.asked: list[Mapping[str, object]] = []
+        self._answer = answer
+        self._listening = sockets.listen(sockets.path_of("1"))
+        self._ends: list[socket.socket] = []
+        self._threads = [Thread(target=self._serve)]
+        self._threads[0].start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._listening.shutdown(socket.SHUT_RDWR)
+        for end in self._ends:
+            with suppress(OSError):  # it has hung up
+                end.shutdown(socket.SHUT_RDWR)
+        for thread in self._threads:
+            thread.join()
+        for end in (self._listening, *self._ends):
+            end.close()
+        sockets.path_of("1").unlink(missing_ok=True)
+
+    def _serve(self) -> None:
+        while True:
+            try:
+                connection, _ = self._listening.accept()
+            except OSError:
+                return
+            self._ends.append(connection)
+            self._threads.append(Thread(target=self._talk, args=(connection,)))
+            self._threads[-1].start()
+
+    def _talk(self, connection: socket.socket) -> None:
+        with suppress(OSError), connection.makefile("rb") as lines:
+            connection.sendall(b'{"say":"run","run":"1","mission":"driving","robot":"r","simulated":""}\n')
+            for line in lines:
+                self.asked.append(command := json.loads(line))
+                if (told := self._answer(command)) is not None:
+                    answer = {"say": "answer", "id": command.get("id"), "ok": True, **told}
+                    connection.sendall(json.dumps(answer, separators=(",", ":")).encode() + b"\n")
+
+
+def test_a_part_that_has_not_heard_the_stop_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    with Answering(lambda _: {"result": {"parts": ["head"], "missing": ["base"], "stops": 1}}) as run:
+        told = command(capsys, "stop")
+    assert told.code == 1
+    assert "perhaps not stopped: base (stopped: head)\n  try: mission stop --end" in told.out
+    assert len({each["press"] for each in run.asked}) == 1  # asked again, it is the same stop
+    assert len(run.asked) == stopping.STOP_TRIES
+
+
+def test_a_release_that_is_not_answered_is_told_and_ends_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sockets, "PATIENCE", 0.1)
+    with Answering(lambda _: None):
+        told = command(capsys, "stop", "--release")
+    assert told.code == 1
+    assert "1: a run: hangs" in told.out
+
+
+def test_a_connection_that_is_made_while_a_stop_searches_is_stopped_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    def searched(*, thorough: bool = True) -> Search:
+        found = search(thorough=thorough)
+        if thorough:  # that of a stop
+            asyncio.run_coroutine_threadsafe(looked_at.look(), loop[0]).result(PATIENCE)
+        return found
+
+    async def stop() -> Mapping[str, object]:
+        loop.append(asyncio.get_running_loop())
+        told = await looked_at.stop("", "a test")
+        assert len(looked_at._links) == 1
+        for link in list(looked_at._links.values()):
+            await link.close()
+        return told
+
+    loop: list[asyncio.AbstractEventLoop] = []
+    looked_at = Hub(lambda: None)
+    monkeypatch.setattr(hub, "search", searched)
+    with Answering(lambda _: {"result": {"parts": ["base"], "stops": 1}}):
+        assert asyncio.run(stop()) == {"1": {"parts": ["base"], "stops": 1}}
+
+
+def test_a_studio_that_cannot_look_says_so_to_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*, thorough: bool) -> Search:
+        raise RuntimeError(f"no threads are left, {thorough}")
+
+    changes: list[object] = []
+
+    async def work() -> None:
+        looked_at = Hub(lambda: changes.append(looked_at.runs()))
+        async with looked_at:
+            while not changes:
+                await asyncio.sleep(0)
+
+    monkeypatch.setattr(hub, "search", refuse)
+    asyncio.run(asyncio.wait_for(work(), PATIENCE))
+    why = "the studio cannot look for runs: RuntimeError: no threads are left, False"
+    assert changes[0] == [{"run": UNKNOWN, "trouble": why}]
+
+
+def test_commands_are_found_without_any_folder_or_list(monkeypatch: pytest.MonkeyPatch) -> None:
+    program = "import sys\nfrom missions.studio.holders import noted\nwith noted('teleop', 'r'):\n"
+    with sleeper(f"{program}    print(flush=True)\n    sys.stdin.read()\n") as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        note_of(process.pid).unlink()
+        for note in Path(os.environ["XDG_STATE_HOME"]).rglob("*.note"):
+            note.unlink()
+        for note in Path(os.environ[places.SYSTEM_ROOT]).rglob("*.note"):
+            note.unlink()
+        monkeypatch.setattr(abstract, "names", list)  # as in another network namespace
+        assert stopping.ask_all([{"do": "stop"}], "a test") != {}
+        wait_until(lambda: process.poll() is not None)
