@@ -55,6 +55,13 @@ CLAIMS = (
         "the virtual base's firmware, not a real one's",
     ),
     Claim(
+        "stop anywhere",
+        "a stop that is told has happened: 40 combinations of variables, sessions, containers, studios, and folders "
+        "that are full, emptied, replaced or missing",
+        f"TRIES=most {TESTS}tests/missions/studio/test_stop_anywhere.py",
+        "two computers with one home; containers that share neither folders nor network, but for root outside of them",
+    ),
+    Claim(
         "processes",
         "a run, who records it, the studio and who drives by it, killed, frozen, cut off and stopped by chance: the "
         "base rests 0.7 s after it last heard anything, what was stopped stays so, nothing is left but a readable "

@@ -20,6 +20,7 @@ from subprocess import DEVNULL, PIPE, Popen
 from tempfile import TemporaryDirectory
 
 from missions.studio import sockets
+from missions.studio.places import SYSTEM_ROOT
 from tests.benchmarks.watching import Measured, asked, mission, opened, page, shown, used
 from tests.waiting import wait_until
 
@@ -54,7 +55,7 @@ async def watched(host: str, token: str, run: str, studio: int, asks: argparse.N
 def measure(asks: argparse.Namespace) -> dict[str, object]:
     """Run, watch, and return the figures."""
     with TemporaryDirectory() as folder:
-        os.environ["XDG_RUNTIME_DIR"] = os.environ["XDG_STATE_HOME"] = folder
+        os.environ["XDG_RUNTIME_DIR"] = os.environ["XDG_STATE_HOME"] = os.environ[SYSTEM_ROOT] = folder
         file = Path(folder) / "busy.yaml"
         file.write_text(mission(camera=True), encoding="utf-8")
         words = ["run", str(file), "--simulate", "fast", "--eyes", "truth", "--world", "living_room"]

@@ -25,6 +25,7 @@ from typing import Any
 
 from websockets.asyncio.client import ClientConnection, connect
 
+from missions.studio.places import SYSTEM_ROOT
 from tests.benchmarks.robot_beside import robot_beside
 
 BRANCHES = 13
@@ -161,7 +162,7 @@ def busy(*, camera: bool) -> Iterator[Busy]:
         file, notes = Path(folder) / "busy.yaml", Path(folder) / "notes"
         file.write_text(mission(camera=camera), encoding="utf-8")
         words = [*beside.options, str(file)]
-        os.environ["XDG_RUNTIME_DIR"] = os.environ["XDG_STATE_HOME"] = folder
+        os.environ["XDG_RUNTIME_DIR"] = os.environ["XDG_STATE_HOME"] = os.environ[SYSTEM_ROOT] = folder
         run = Popen([sys.executable, "-m", "tests.benchmarks.watched_run", str(notes), *words], stdout=DEVNULL)
         studio = Popen([sys.executable, "-m", "missions", "studio", "--port=0"], stdout=PIPE, text=True)
         try:

@@ -16,6 +16,7 @@ from tempfile import TemporaryDirectory
 from PIL import Image
 
 from config.defaults import config_folder
+from missions.studio.places import SYSTEM_ROOT
 from tests.browser import Browser, chromium
 from tests.missions.service.fleets import CountingBody, free_port, local_fleet, member, router
 from tests.missions.studio.page import DESKTOP, PHONE, Page
@@ -35,7 +36,7 @@ def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory() as home:
-        for name in ("XDG_STATE_HOME", "XDG_RUNTIME_DIR", "XDG_CONFIG_HOME"):
+        for name in ("XDG_STATE_HOME", "XDG_RUNTIME_DIR", "XDG_CONFIG_HOME", SYSTEM_ROOT):
             os.environ[name] = home
         with fleet(Path(home)), studio() as served, Browser(chromium()) as browser:
             take(served, browser, folder)
