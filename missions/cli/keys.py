@@ -1,11 +1,12 @@
 """Single keys from a terminal, as they are pressed; works over SSH, and leaves the terminal as it was."""
 
 import os
+import re
 import select
 import signal
 import termios
 import tty
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import Any, Self
@@ -14,17 +15,21 @@ ESCAPE_TIME = 0.2
 """Seconds to wait for the rest of an arrow key's three bytes: over a slow line they come one by one."""
 
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
+_CURSOR = re.compile(r"(\d{1,5});(\d{1,5})R", re.ASCII)
+"""The answer to where the cursor is, behind its bracket."""
+
 _NAMED = {"\r": "enter", "\n": "enter", "\x1b": "escape", "\x04": "end", "": "end"}
 
 
 class Keys:
     """Reads keys from the terminal behind ``descriptor``, between ``with`` and its end.
 
-    Ctrl-Z does nothing meanwhile: it would leave the shell with a terminal that does not echo.
+    Ctrl-Z does nothing meanwhile: it would leave the shell with a terminal that does not echo. ``answered`` is called
+    with row and column where the terminal answers where its cursor is.
     """
 
-    def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
+    def __init__(self, descriptor: int, answered: Callable[[int, int], object] | None = None) -> None:
+        self._descriptor, self._answered = descriptor, answered
         self._terminal: list[Any] = []
 
     def __enter__(self) -> Self:
@@ -46,19 +51,23 @@ class Keys:
 
         The empty text when none was pressed within ``timeout`` seconds.
         """
-        if not self._waiting(timeout):
-            return ""
-        key = self._byte()
-        if key != "\x1b" or not self._waiting(ESCAPE_TIME):
-            return _NAMED.get(key, key)
-        if self._byte() not in ("[", "O"):
-            return "escape"
-        # Parameters, as of a key that is pressed with Shift, stand between the bracket and the letter. A line that
-        # stops in the middle must not hold up whoever waits for keys.
-        last = "0"
-        while (last.isdigit() or last == ";") and self._waiting(ESCAPE_TIME):
-            last = self._byte()
-        return _ARROWS.get(last, "other")
+        while self._waiting(timeout):
+            key = self._byte()
+            if key != "\x1b" or not self._waiting(ESCAPE_TIME):
+                return _NAMED.get(key, key)
+            if self._byte() not in ("[", "O"):
+                return "escape"
+            # Parameters, as of a key that is pressed with Shift, stand between the bracket and the letter. A line that
+            # stops in the middle must not hold up whoever waits for keys.
+            text = ""
+            while (not text or text[-1].isdigit() or text[-1] == ";") and self._waiting(ESCAPE_TIME):
+                text += self._byte() or "?"
+            if (place := _CURSOR.fullmatch(text)) is None:
+                return _ARROWS.get(text[-1:], "other")
+            if self._answered is not None:
+                self._answered(int(place[1]), int(place[2]))
+            timeout = 0.0  # what was pressed has waited behind it
+        return ""
 
     def _waiting(self, timeout: float) -> bool:
         return bool(select.select([self._descriptor], [], [], timeout)[0])

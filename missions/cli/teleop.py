@@ -24,6 +24,7 @@ from missions.cli.leash import heeded
 from missions.cli.names import ROBOT, WORLD
 from missions.cli.root import SUCCESS
 from missions.cli.status_line import show_over
+from missions.cli.terminal_line import line_to
 from missions.hands.teleop import FIRST_PAD, keymap, pad
 from missions.hands.teleop.pilot import MAX_SHARE, MIN_SHARE, Pilot
 from missions.hands.teleop.turns import drive_by_hand
@@ -68,11 +69,24 @@ def _share(ctx: click.Context, option: click.Parameter, value: str) -> float:
     metavar="[DEVICE]",
     help="Drive with a game pad: the first that is there, or the one at /dev/input/event...",
 )
+@click.option(
+    "--unknown-delay",
+    is_flag=True,
+    help="Drive also where the delay of the line cannot be measured, as in tmux over SSH.",
+)
 def command(
-    robot: str | None, simulate: bool, world: str | None, port: str | None, head: str, pace: float, node: str | None
+    robot: str | None,
+    simulate: bool,
+    world: str | None,
+    port: str | None,
+    head: str,
+    pace: float,
+    node: str | None,
+    unknown_delay: bool,
 ) -> int:
     """Drive a robot by hand: hold a key to drive, let go to stop. Works over SSH.
 
+    Over a line with a round trip of more than 0.5 s keys do not drive.
     Simulated unless a robot is named, as with `mission run`. The limits and the reflexes of the robot file hold.
     Whatever ends it, a line that breaks too, the robot is left at rest.
     """
@@ -98,11 +112,15 @@ def command(
         base, turned = open_things.enter_context(_opened(robot, head, wishes, clock))
         click.echo(keymap.HELP if held is None else pad.HELP)
         typed: Callable[[float], str] = _pause
+        line = None
         if sys.stdin.isatty():
             if sys.stdout.isatty():
                 open_things.callback(click.echo)  # below the line to be seen
-            typed = open_things.enter_context(Keys(sys.stdin.fileno())).read
-        drive_by_hand(Pilot(base, turned, pace=pace), typed, held, clock, _shower(clock))
+            terminal = sys.stdin.fileno()
+            line, settle = open_things.enter_context(line_to(terminal, clock, unknown_is_good=unknown_delay))
+            typed = open_things.enter_context(Keys(terminal, line.answer)).read
+            open_things.callback(settle, typed)
+        drive_by_hand(Pilot(base, turned, pace=pace), typed, held, clock, _shower(clock), line)
     return SUCCESS
 
 

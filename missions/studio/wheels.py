@@ -5,13 +5,10 @@ from math import inf, radians
 from drivers.api import Base, Head
 from drivers.clock import Clock
 from missions.hands.teleop.keymap import Push
-from missions.hands.teleop.pilot import Pilot
+from missions.hands.teleop.pilot import MAX_STATE_AGE, Pilot
 from missions.studio.commands import Drive, Look
 from missions.studio.form import BadMessage
 from missions.studio.state_stamps import KEPT_TIME, StateStamps
-
-MAX_STATE_AGE = 0.5
-"""Seconds for which the base obeys a driver who has seen a state: there and back, and until the next command."""
 
 HEAD_SPEED = radians(60)
 """How fast the head turns with the stick pushed all the way, in rad/s."""

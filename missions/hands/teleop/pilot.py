@@ -13,6 +13,10 @@ MIN_SHARE, MAX_SHARE = 0.05, 1.0
 STEP = radians(3)
 """How far a press of an arrow turns the head."""
 
+MAX_STATE_AGE = 0.5
+"""Seconds for which the base obeys a person at the far end of a line who has seen a state: there and back, and until
+the next command."""
+
 ANEW = "it was away: let go, and begin anew"
 BY_HAND = "stopped by hand: Enter enables"
 

@@ -17,10 +17,11 @@ import pytest
 from drivers.clock import SystemClock
 from drivers.sim.timeline import Timeline
 from drivers.sim.twins.base import BaseTwin
+from missions.hands.teleop.pilot import MAX_STATE_AGE
 from missions.studio.audience import MOVING
 from missions.studio.commands import Drive
 from missions.studio.form import BadMessage
-from missions.studio.wheels import MAX_STATE_AGE, Wheels
+from missions.studio.wheels import Wheels
 from tests.missions.studio.lossy import lossy
 from tests.missions.studio.running import run_of, seconds_to_rest
 from tests.missions.studio.serving import Client, Served

@@ -2,10 +2,12 @@
 
 import os
 import pty
+import re
 import select
 import signal
 import subprocess
 import sys
+from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,11 +15,15 @@ from pathlib import Path
 import pytest
 
 from config.library import find
+from drivers.clock import SystemClock
+from missions.hands.teleop.pilot import MAX_STATE_AGE
 from missions.library.drivers import load_robot
 from tests.forked import Forked
 from tests.missions.command import command
 from tests.missions.lone_base import LONE_ROBOT, LoneBase, lone_base
 from tests.waiting import wait_until
+
+ASKED = re.compile(r"\x1b\[(\d+);(\d+)H\x1b\[6n")
 
 ROBOT = load_robot(find("robots", "turtlebot2")).base
 HALF = 0.5 * ROBOT.max_speed if ROBOT is not None else 0.0
@@ -27,17 +33,21 @@ HALF = 0.5 * ROBOT.max_speed if ROBOT is not None else 0.0
 class Terminal:
     """A person at a terminal in which ``mission teleop`` runs."""
 
-    def __init__(self, master: int, process: Forked) -> None:
+    def __init__(self, master: int, process: Forked, delay: float) -> None:
         self.process = process
         self.text = ""
+        self.delay = delay  # seconds after which it answers where its cursor is
         self._master = master
+        self._clock, self._answers = SystemClock(), deque[tuple[float, str]]()
+        self._seen = 0
 
     def type(self, keys: bytes) -> None:
         os.write(self._master, keys)
 
     def hold(self) -> bool:
-        """Send one repeat of a key that is held."""
+        """Send one repeat of a key that is held, and answer as terminals do."""
         self.type(b"i")
+        self.shows("")
         return True
 
     def shows(self, words: str) -> bool:
@@ -47,6 +57,11 @@ class Terminal:
                 self.text += os.read(self._master, 4096).decode(errors="replace")
             except OSError:  # the process has ended
                 break
+        for asked in ASKED.finditer(self.text, self._seen):
+            self._answers.append((self._clock.now() + self.delay, f"\x1b[{asked[1]};{asked[2]}R"))
+            self._seen = asked.end()
+        while self._answers and self._answers[0][0] <= self._clock.now():
+            self.type(self._answers.popleft()[1].encode())
         return words in self.text
 
     def hang_up(self) -> None:
@@ -57,12 +72,12 @@ class Terminal:
 
 
 @contextmanager
-def teleop(*arguments: str) -> Iterator[Terminal]:
+def teleop(*arguments: str, delay: float = 0.0) -> Iterator[Terminal]:
     """Run the command in a terminal of its own, of whose session it is the leader."""
     master, slave = pty.openpty()
     process = Forked("missions", "teleop", *arguments, stdin=slave, stdout=slave, stderr=slave, leader=True)
     os.close(slave)
-    terminal = Terminal(master, process)
+    terminal = Terminal(master, process, delay)
     try:
         yield terminal
     finally:
@@ -89,6 +104,38 @@ def test_a_key_drives_and_escape_ends_with_the_base_at_rest() -> None:
         terminal.type(b"\x1b")
         assert terminal.process.wait(20.0) == 0
         assert base.seen().top == pytest.approx(HALF, abs=0.002)
+
+
+@pytest.mark.real_time
+def test_over_a_line_that_is_too_slow_a_key_drives_nothing_and_the_reason_is_shown() -> None:
+    with lone_base() as base, teleop("--robot", "turtlebot2", "--port", base.port, delay=1.0) as terminal:
+        wait_until(lambda: terminal.shows("Ctrl-C ends"))
+        wait_until(lambda: terminal.shows("line too slow: 1."), pause=0.02)  # before anybody presses a key
+        base.seen(forget=True)
+        clock = SystemClock()
+        wait_until(lambda: terminal.hold() and clock.now() > 2.0, pause=0.03)
+        assert base.seen().top == 0.0
+        terminal.delay = 0.0
+        wait_until(lambda: terminal.shows(" ms | 50 %"), pause=0.02)
+        wait_until(lambda: terminal.shows("") or clock.now() > 5.0, pause=0.02)  # the key was let go meanwhile
+        wait_until(lambda: terminal.hold() and base.seen().moving, pause=0.02)
+        terminal.delay = 5.0
+        since = base.seen().heard_at
+        wait_until(lambda: terminal.hold() and not base.seen().moving, pause=0.02)
+        assert base.seen().rest_at - since < MAX_STATE_AGE + 0.3
+        terminal.type(b"\x1b")
+        assert terminal.process.wait(20.0) == 0
+
+
+def test_over_a_line_whose_delay_nobody_can_know_keys_drive_only_if_that_is_said(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("TMUX", "/tmp/tmux-1000/default,1,0")  # noqa: S108 - a name, and no file
+    with teleop("--world", "corridor") as terminal:
+        wait_until(lambda: terminal.shows("delay unknown: tmux answers for the terminal"))
+        assert "\x1b[6n" not in terminal.text
+    with teleop("--world", "corridor", "--unknown-delay") as terminal:
+        wait_until(lambda: terminal.hold() and terminal.shows("+0.25 m/s"), pause=0.02)
 
 
 @pytest.mark.real_time
