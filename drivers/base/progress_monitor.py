@@ -9,6 +9,7 @@ from math import degrees
 
 from drivers.api import STILL, BaseState, Pose2D, Velocity
 from drivers.api.quick import dataclass
+from drivers.base.hazards import describe
 from drivers.base.motion_window import MotionSums, MotionWindow, SentVelocities, moved, plus
 
 WINDOW, SLOW_WINDOW = 1.0, 3.0
@@ -183,8 +184,8 @@ class ProgressMonitor:
         told = _commanded(Velocity(sent.linear or (low + high) / 2 / motion.at, 0.0))
         found = f"{self._instruments.linear} report {_metres(measured)}"
         cause, hint = _LINEAR[off]
-        if off == "none":
-            cause += _felt(state)
+        if off in ("none", "less"):
+            cause, hint = cause + _felt(state), _hint(state) or hint
         return MotionFault(f"{told} for {motion.at:.1f} s, {found}: {cause}", hint)
 
     def _turns(self, motion: MotionSums, sent: Velocity, state: BaseState, way: float) -> MotionFault | None:
@@ -196,8 +197,8 @@ class ProgressMonitor:
         told = _commanded(Velocity(0.0, sent.angular)) if sent.angular or not way else _commanded(sent)
         found = f"{self._instruments.angular} reports {degrees(measured):.0f} deg"
         cause, hint = _ANGULAR[off]
-        if off == "none":
-            cause += _felt(state)
+        if off in ("none", "less"):
+            cause, hint = cause + _felt(state), _hint(state) or hint
         return MotionFault(f"{told} for {motion.at:.1f} s, {found}: {cause}", hint)
 
 
@@ -225,7 +226,10 @@ def _least(low: float, high: float, tolerance: float, opposite: float) -> float:
 
 
 _LINEAR = {
-    "none": ("blocked or not connected", "free its wheels; look at motors, encoders and their cables"),
+    "none": (
+        "blocked or not connected",
+        "free its wheels; is an E-stop pressed? look at motors, encoders and their cables",
+    ),
     "less": (
         "held back, or one wheel is blocked or not connected",
         "free its wheels; look at motors, encoders and their cables",
@@ -275,4 +279,10 @@ def _overcurrent(state: BaseState) -> str:
 def _felt(state: BaseState) -> str:
     """Say what else the base reports that may be the cause."""
     found = [_overcurrent(state)] if state.overcurrent else []
-    return "".join(f"; {each}" for each in found)
+    return "".join(f"; {each}" for each in (*found, *sorted(state.hazards)))
+
+
+def _hint(state: BaseState) -> str:
+    """Return what helps against the hazards that the base reports."""
+    told = (describe(hazard) for hazard in sorted(state.hazards))
+    return "; ".join(dict.fromkeys(hint for _, hint in filter(None, told)))

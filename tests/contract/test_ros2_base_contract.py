@@ -1,10 +1,13 @@
 """What ``drivers.api.Base`` promises, kept by a base of ROS 2 over its topics: with Twist, and with TwistStamped."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from math import inf, nan, radians
 
 import pytest
 
+from behaviours.driving.straight import Drive
+from behaviours.leaf import FAILURE, RUNNING
 from drivers.api import STILL, Lamp, Pose2D, Sides
 from drivers.ros2 import create3
 from drivers.ros2.base import Ros2Base
@@ -13,6 +16,7 @@ from drivers.ros2.wire import frame
 from drivers.sim.backup_limit import BackupLimit
 from drivers.sim.body import NOTHING, Body
 from drivers.virtual.topics import VirtualBase
+from missions.testing.recorders import Bench
 from tests.contract.rigs import InSimulatedTime, simulated
 from tests.contract.test_base_contract import (  # noqa: F401 - all that a base promises
     BaseRig,
@@ -251,3 +255,17 @@ def test_with_its_e_stop_on_it_obeys_no_velocity_and_says_nothing(base: Topics) 
     base.drive(0.2, 0.5, lambda: base.clock.now() > started + 1.0)
     assert base.truth() == Pose2D(0.0, 0.0, 0.0)
     assert base.notices[notices:] == []
+
+
+def test_a_base_at_its_backup_limit_fails_its_leaf_within_two_seconds_and_says_why(base: Topics) -> None:
+    base.robot.body.backup_limit = BackupLimit(0.025)
+    bench = Bench(base.clock)  # type: ignore[arg-type]
+    bench.robot = replace(bench.robot, base_part=base.device)
+    leaf = bench.put(Drive("drive"), distance=-0.3)
+    began = base.clock.now()
+    while bench.tick(leaf, after=0.0) is RUNNING:
+        base.wait(0.05)
+    assert base.clock.now() - began < 2.0
+    assert leaf.status is FAILURE
+    assert "backup limit" in leaf.feedback_message
+    assert any("safety_override" in notice.hint for notice in base.notices if "commanded" in notice.what)
