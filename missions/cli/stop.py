@@ -1,6 +1,7 @@
 """``mission stop``: every robot of this machine still, at once, whoever runs it; and released again."""
 
 import os
+import sys
 from collections.abc import Mapping, Sequence
 
 import click
@@ -33,10 +34,12 @@ def command(which: tuple[str, ...], only_list: bool, release: bool, resume: bool
         asked = [*([{"do": "release"}] if release else []), *([{"do": "resume"}] if resume else [])]
     by = f"mission stop (process {os.getpid()})"
     said = ask_all([] if only_list else asked, by, which)
-    for _, words in sorted(said.values(), key=lambda each: each[1]):
-        click.echo(words)
-    if not said:
-        missing = f"no run {' or '.join(which)}: `mission stop --list` lists what runs" if which else NOBODY
-        click.echo(missing, err=bool(which))
-    fine = all(good for good, _ in said.values()) and (bool(said) or not which)
+    fine = all(good for good, _ in said.values())
+    try:
+        for key, (_, words) in sorted(said.items(), key=lambda each: each[1][1]):
+            click.echo(words, err=isinstance(key, str))
+        if not said:
+            click.echo(NOBODY)
+    except BrokenPipeError:  # nobody reads it: the exit code says the same
+        sys.stdout = None
     return SUCCESS if fine else FAILURE

@@ -3,6 +3,7 @@
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from math import inf
 from typing import Any, Self
@@ -19,8 +20,10 @@ PERIOD = 0.25
 """Seconds from one look for new runs to the next."""
 
 ENDING = 0.7
-"""Seconds for which the answer to a stop waits for commands to end, which a page waits for a second for."""
+"""Seconds for which the answer to a stop waits for commands to end."""
 
+MOST_ASKED = 32
+"""Runs without a connection, and commands, that are stopped at the same time."""
 
 RETRY_INTERVAL = 2.0
 """Seconds after which a run that was not reached is tried again."""
@@ -49,8 +52,9 @@ class Hub:
         self._next_look: asyncio.Task[None] | None = None
         self._next_search: asyncio.Task[Search] | None = None
         self._following: dict[Link, tuple[asyncio.Task[Mapping[str, object]], list[str]]] = {}
-        self._asking: dict[object, asyncio.Task[Mapping[str, object]]] = {}
+        self._asking: dict[object, asyncio.Future[Mapping[str, object]]] = {}
         self._spare = SpareDescriptors(0)
+        self._pool = ThreadPoolExecutor(MOST_ASKED, "stop")  # of its own: runs that hang keep no other work waiting
 
     async def __aenter__(self) -> Self:
         self._spare = SpareDescriptors()
@@ -64,6 +68,7 @@ class Hub:
         await asyncio.gather(*(each.close() for each in self._links.values()))
         await asyncio.gather(*(each.close() for each in self._watched.values()))
         self._spare.close()
+        self._pool.shutdown(wait=False)
 
     def runs(self) -> list[Mapping[str, object]]:
         """Return what there is, as `runs` tells it: the newest first."""
@@ -186,7 +191,8 @@ class Hub:
         asking = {}
         for each in others:
             if (key := each.key) not in self._asking:
-                self._asking[key] = task = asyncio.ensure_future(asyncio.to_thread(stop_one, each, by))
+                asking_one = asyncio.get_running_loop().run_in_executor(self._pool, stop_one, each, by)
+                self._asking[key] = task = asyncio.ensure_future(asking_one)
                 task.add_done_callback(partial(self._asked, key))
             asking[each] = self._asking[key]
         if asking:
@@ -194,7 +200,7 @@ class Hub:
         told = {each.run: _came_of(each, task) for each, task in asking.items()}
         return {run: result for run, result in told.items() if result}
 
-    def _asked(self, key: object, _: asyncio.Task[Mapping[str, object]]) -> None:
+    def _asked(self, key: object, _: asyncio.Future[Mapping[str, object]]) -> None:
         del self._asking[key]
 
     def known(self, run: str) -> Mapping[str, object]:
@@ -257,7 +263,7 @@ def _is_linked(found: Found, links: Mapping[str, Link]) -> bool:
     )
 
 
-def _came_of(found: Found, task: asyncio.Task[Mapping[str, object]]) -> Mapping[str, object]:
+def _came_of(found: Found, task: asyncio.Future[Mapping[str, object]]) -> Mapping[str, object]:
     """Return what is told of what was stopped without a connection; nothing where it had gone."""
     if not task.done():
         more = f"SIGTERM was sent, and it has not ended yet; `kill -9 {found.run.partition('-')[0]}` ends it"

@@ -7,6 +7,7 @@ from threading import Event, Lock, Thread
 from types import TracebackType
 from typing import Any, Self
 
+from behaviours.run import log
 from drivers.clock import Clock, SystemClock
 from missions.service.fleet.body import Telemetry
 from missions.studio.searching import Found, search
@@ -91,8 +92,8 @@ class Machine:
 
     def _stop_new(self, found: Found, by: str) -> None:
         """Stop what has begun meanwhile, or was not reached; what somebody releases at the robot stays released."""
-        if "trouble" in stop_one(found, by):
-            self._stopped.discard(found.key)
+        told = stop_one(found, by)
+        (self._stopped.discard if "trouble" in told else self._stopped.add)(found.key)
 
     def release(self, by: str, *, resume: bool) -> tuple[bool, str]:
         """See Body."""
@@ -105,18 +106,26 @@ class Machine:
 
     def _follow(self) -> None:
         while not self._over.wait(GLANCE if self._stopped_by else PERIOD):
-            found = search(thorough=False).found
-            for each in found if self._stopped_by else ():
-                if each.key not in self._stopped:  # what begins meanwhile stands still too
-                    self._stopped.add(each.key)
-                    Thread(target=self._stop_new, args=(each, self._stopped_by), name="stop", daemon=True).start()
-            for each in found:
-                if each.key not in self._links and not each.is_command:
-                    self._connect(each)
-            for key in list(self._links):
-                self._read(key)
-            with self._lock:
-                self._runs = bool(self._links)
+            try:
+                self._look_round()
+            except Exception:  # the next look may do better, and a stop holds for what begins until then
+                log.exception("the runs could not be looked at")
+
+    def _look_round(self) -> None:
+        """Stop what has begun while a stop is latched, and take in what runs have told."""
+        found = search(thorough=False).found
+        for each in found if self._stopped_by else ():
+            if each.key not in self._stopped:
+                thread = Thread(target=self._stop_new, args=(each, self._stopped_by), name="stop", daemon=True)
+                thread.start()
+                self._stopped.add(each.key)
+        for each in found:
+            if each.key not in self._links and not each.is_command:
+                self._connect(each)
+        for key in list(self._links):
+            self._read(key)
+        with self._lock:
+            self._runs = bool(self._links)
 
     def _connect(self, found: Found) -> None:
         for where in found.addresses:

@@ -8,6 +8,7 @@ lives: the kernel takes the lock away with it, also where the process is not see
 import fcntl
 import json
 import os
+import stat
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import field
@@ -22,6 +23,9 @@ from missions.studio.places import places
 from missions.studio.processes import ProcessIdentity, identity_of
 
 ENDING = ".note"
+
+LARGEST = 1 << 16
+"""Characters of a note, at most."""
 
 END_TIME = 5.0
 """Seconds that a command has to bring to rest what it moves, and to let go of it."""
@@ -73,8 +77,12 @@ class Holder:
         Raises OSError where the process cannot be reached, or where it is not known whether it has ended.
         """
         for path in self.notes:
-            with suppress(OSError), path.open("a", encoding="utf-8") as note:  # that is only for its last words
-                note.write(f"{by}\n")
+            with suppress(OSError):  # that is only for its last words
+                number = os.open(
+                    path, os.O_WRONLY | os.O_APPEND | os.O_NONBLOCK | os.O_NOFOLLOW
+                )  # if it is there still
+                with os.fdopen(number, "w", encoding="utf-8") as note:
+                    note.write(f"{by}\n")
         self.terminate()
         clock, pause = SystemClock(), Event()
         while self.lives():
@@ -171,9 +179,11 @@ def read_note(path: Path) -> Holder | None:
     Raises OSError where it cannot be read or understood, or where it is not known whether the process lives.
     """
     try:
-        with path.open(encoding="utf-8") as note:
-            line, uid = note.readline(), os.fstat(note.fileno()).st_uid
-            locked = _is_locked(note)
+        with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW), encoding="utf-8") as note:
+            status = os.fstat(note.fileno())
+            if not stat.S_ISREG(status.st_mode):
+                raise OSError(f"{path} is not a regular file")
+            line, uid, locked = note.readline(LARGEST), status.st_uid, _is_locked(note)
         found, computer = _holder(json.loads(line), path, uid)
     except FileNotFoundError:
         return None

@@ -120,12 +120,16 @@ class Found:
 
     def is_meant(self, which: Sequence[str]) -> bool | None:
         """Return whether one of these names is its own; None where that is not known before it answers."""
-        if not which or self.run in which:
+        if not which or not self.names.isdisjoint(which):
             return True
+        return None if self.holder is None else False
+
+    @property
+    def names(self) -> set[str]:
+        """The names by which it can be meant, as far as they are known."""
         if self.holder is None:
-            return None
-        names = {str(self.holder.process), self.holder.name, *self.holder.name.split()[:1]}
-        return not names.isdisjoint(which)
+            return {self.run}
+        return {self.run, str(self.holder.process), self.holder.name, *self.holder.name.split()[:1]}
 
 
 @dataclass(slots=True)

@@ -55,6 +55,9 @@ def ask_all(
         thread.join()
     if not which or not asking.answered.issuperset(which):
         asking.said |= {each: (False, each.words) for each in found.doubts}
+    for name in which:
+        if name not in asking.meant:
+            asking.said[name] = False, f"no run {name}: `mission stop --list` lists what runs"
     return asking.said
 
 
@@ -62,7 +65,7 @@ def ask_all(
 class Asking:
     """One thing asked of many, from a thread for each. ``said`` is what came of it, ``answered`` the runs that have.
 
-    ``results`` are what runs have answered to a stop.
+    ``results`` are what runs have answered to a stop, ``meant`` those names of ``which`` that there are.
     """
 
     commands: Sequence[Command]
@@ -71,6 +74,7 @@ class Asking:
     only: Callable[[Mapping[str, Any]], bool] = lambda _: True
     said: Said = field(default_factory=dict)
     answered: set[str] = field(default_factory=set)
+    meant: set[str] = field(default_factory=set)
     results: dict[object, Mapping[str, Any]] = field(default_factory=dict)
     _press: str = field(default_factory=lambda: secrets.token_hex(8))
     _claimed: set[object] = field(default_factory=set)
@@ -82,15 +86,22 @@ class Asking:
 
     def begin(self, found: Sequence[Found]) -> list[Thread]:
         """Ask all at the same time, so that one that hangs holds up no other; return the threads that do."""
-        work = [Thread(target=self.ask, args=(each,)) for each in found]
-        for thread in work:
-            thread.start()
+        work = list[Thread]()
+        for each in found:
+            thread = Thread(target=self.ask, args=(each,))
+            try:
+                thread.start()
+            except RuntimeError:  # the system allows no more threads
+                self.ask(each)
+            else:
+                work.append(thread)
         return work
 
     def ask(self, found: Found) -> None:
         """Ask one, if it is meant, and note what came of it."""
         if found.is_meant(self.which) is False:
             return
+        self.meant |= found.names.intersection(self.which)
         try:
             if found.is_command:
                 self._end(found)
@@ -141,6 +152,7 @@ class Asking:
         names = {found.run, str(told.get("run")), str(link.process), str(told.get("mission"))}
         if (self.which and names.isdisjoint(self.which)) or not self.only(told):
             return False
+        self.meant |= names.intersection(self.which)
         known = link.process, told.get("pid"), told.get("run"), told.get("began")
         with self._lock:
             is_new = known not in self._claimed

@@ -15,6 +15,7 @@ from typing import Self
 
 import pytest
 
+from missions.cli.root import mission
 from missions.studio import abstract, hub, places, sockets, stopping
 from missions.studio.abstract import AbstractName
 from missions.studio.hub import UNKNOWN, Hub
@@ -182,6 +183,13 @@ def test_a_run_in_another_namespace_of_processes_is_a_doubt(
     assert "is in another container, or on another computer: perhaps not stopped" in told.out
 
 
+def test_a_pipe_in_the_place_of_a_note_is_not_waited_for(capsys: pytest.CaptureFixture[str]) -> None:
+    os.mkfifo(note_of(1))
+    told = command(capsys, "stop")
+    note_of(1).unlink()
+    assert (told.code, "is not a regular file" in told.out) == (1, True)
+
+
 # --- what a run answers -----------------------------------------------------------------------------------------------
 
 
@@ -247,6 +255,37 @@ def test_a_release_that_is_not_answered_is_told_and_ends_nothing(
         told = command(capsys, "stop", "--release")
     assert told.code == 1
     assert "1: a run: hangs" in told.out
+
+
+def test_a_name_that_no_run_has_is_told_beside_one_that_has(capsys: pytest.CaptureFixture[str]) -> None:
+    with Answering(lambda _: {"result": {"parts": ["base"], "stops": 1}}):
+        told = command(capsys, "stop", "driving", "typo", "1")
+    assert told.out == "1: driving on r: stopped (base)\n".replace("1:", f"{os.getpid()}:")
+    assert (told.code, told.err) == (1, "no run typo: `mission stop --list` lists what runs\n")
+
+
+def test_a_stop_without_threads_asks_one_after_another(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(thread: Thread) -> None:
+        raise RuntimeError(f"can't start new thread {thread.name}")
+
+    with Answering(lambda _: {"result": {"parts": ["base"], "stops": 1}}):
+        monkeypatch.setattr(stopping, "Thread", type("NoThread", (Thread,), {"start": refuse}))
+        assert "stopped (base)" in command(capsys, "stop").out
+
+
+def test_the_exit_code_tells_of_a_doubt_that_nobody_reads(monkeypatch: pytest.MonkeyPatch) -> None:
+    def gone(*_: object, **__: object) -> None:
+        raise BrokenPipeError
+
+    os.mkfifo(note_of(1))
+    monkeypatch.setattr("click.echo", gone)
+    try:
+        assert mission.main(["stop"], standalone_mode=False) == 1
+    finally:
+        note_of(1).unlink()
+        monkeypatch.undo()
 
 
 def test_a_connection_that_is_made_while_a_stop_searches_is_stopped_as_well(monkeypatch: pytest.MonkeyPatch) -> None:

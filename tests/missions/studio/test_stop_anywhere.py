@@ -25,7 +25,7 @@ from drivers.clock import SystemClock
 from missions.studio.machine import Machine
 from missions.studio.places import SYSTEM_ROOT
 from tests.missions.command import Process
-from tests.missions.lone_base import LoneBase, lone_base
+from tests.missions.lone_base import LONE_ROBOT, LoneBase, lone_base
 from tests.missions.studio.running import DRIVING
 from tests.missions.studio.serving import Served
 from tests.tries import tries
@@ -376,7 +376,7 @@ def world_of(combination: Combination, folder: Path) -> Iterator[World]:
         mission = folder / "mission.yaml"
         mission.write_text(DRIVING, encoding="utf-8")
         with living(world, STARTS[combination.start](world)):
-            words = ["run", str(mission), "--robot", "turtlebot2", "--port", f"base={world.base.port}", "--no-record"]
+            words = ["run", str(mission), "--robot", LONE_ROBOT, "--port", f"base={world.base.port}", "--no-record"]
             world.run = Process(*words)
         ends.callback(end, world.run)
         wait_until(lambda: moves(world) or world.run is None or world.run.process.poll() is not None)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.missions.command import Process, command
-from tests.missions.lone_base import lone_base
+from tests.missions.lone_base import LONE_ROBOT, lone_base
 from tests.missions.studio.running import nowhere
 from tests.waiting import wait_until
 
@@ -41,7 +41,7 @@ def test_a_robot_is_not_moved_where_no_stop_reaches_the_run_unless_the_user_says
 ) -> None:
     nowhere(tmp_path, monkeypatch)
     with lone_base() as base:
-        words = ["run", mission_in(tmp_path, "mission: brief\ntree:\n  drive: 2 cm\n"), "--robot", "turtlebot2"]
+        words = ["run", mission_in(tmp_path, "mission: brief\ntree:\n  drive: 2 cm\n"), "--robot", LONE_ROBOT]
         words += ["--port", f"base={base.port}"]
         refused = command(capsys, *words)
         assert refused.code == 3
