@@ -56,6 +56,8 @@ class Body:
         self.wheels = wheels or Wheels()
         self.battery = battery or Battery()
         self.lifted = self.docked = self.fed = self.e_stop = self.reversed = False
+        self.reaches = 1.0
+        """Which share of the speed that it is told it reaches: less uphill, more downhill."""
         self.counters = Encoders(self.wheels)
         self.gyro = GyroDrift()
         self.backup_limit: BackupLimit | None = None
@@ -143,8 +145,8 @@ class Body:
     def _tell_wheels(self, now: float) -> None:
         """Tell the wheels what of the command is obeyed."""
         linear, angular = (0.0, 0.0) if self.e_stop else self._commanded
-        if self.reversed:
-            linear, angular = -linear, -angular
+        share = -self.reaches if self.reversed else self.reaches
+        linear, angular = share * linear, share * angular
         if self.backup_limit is not None and self.backup_limit.reached:
             linear = max(linear, 0.0)
         self.wheels.command(linear, angular, now)

@@ -1,0 +1,379 @@
+"""A campaign of motion faults: random motions on every base with a random fault, judged by where the base truly is.
+
+    python -m tests.drivers.motion_faults 500 --seed 1000
+
+prints, by fault and base, how far bases went beyond their goals, as a share of what they may.
+"""
+
+import argparse
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from math import hypot, radians
+from random import Random
+from typing import Any
+
+import click
+from py_trees.common import Status
+
+from behaviours.driving.arc import Arc
+from behaviours.driving.go_to import GoTo
+from behaviours.driving.motion import Motion
+from behaviours.driving.straight import Drive
+from behaviours.driving.turning import Turn
+from behaviours.leaf import RUNNING, SUCCESS
+from behaviours.robot import Robot
+from drivers.api import STILL, Pose2D
+from drivers.base.reckoning import TwoWheels
+from drivers.keeper.base import KeeperBase
+from drivers.kobuki.driver import KobukiBase
+from drivers.ros2.base import Ros2Base
+from drivers.sim.backup_limit import BackupLimit
+from drivers.sim.body import Body
+from drivers.sim.timeline import Timeline
+from drivers.sim.twins.base import BaseTwin
+from drivers.sim.twins.plain_base import PlainTwin
+from drivers.sim.wheels import Wheels
+from drivers.virtual.keeper import VirtualCar
+from drivers.virtual.kobuki import VirtualKobuki
+from drivers.virtual.topics import VirtualBase
+from drivers.virtual.waveshare import VirtualWaveshare
+from drivers.waveshare.driver import WaveshareBase
+from drivers.waveshare.wire import FULL
+from missions.testing.recorders import Bench
+from tests.drivers.cranked import HandWire
+
+ACCELERATION, TURN_ACCELERATION = 0.5, 3.5
+"""The limits of every base here (m/s^2, rad/s^2)."""
+
+TICK, PERIOD = 0.05, 0.02
+TRACK, FASTEST = 0.23, 1.25
+PLAIN = {"cmd_vel": "/cmd_vel", "odom": "/odom"}
+CREATE3 = {**PLAIN, "hazards": "/hazard_detection"}
+
+FAULTS = (
+    "blocked", "slipping", "reversed", "encoders swapped", "encoders lost", "gyro drift", "e-stop", "backup limit",
+    "late odometry",
+)  # fmt: skip
+
+LATEST = 120.0
+"""Seconds after which a motion counts as hanging."""
+
+
+@dataclass
+class Stand:
+    """A base on its body, in simulated time. ``odometer`` is what reports its motion, None where nothing does."""
+
+    timeline: Timeline
+    body: Body
+    base: Any
+    odometer: Any = None
+    held_up: list[tuple[float, float]] = field(default_factory=list)
+    """From when to when its computer is held up."""
+
+    def stalls(self) -> bool:
+        now = self.timeline.clock.now()
+        return any(since <= now < until for since, until in self.held_up)
+
+    def truth(self) -> Pose2D:
+        return self.body.advance(self.timeline.clock.now())
+
+
+def on_wire(device: Any, timeline: Timeline, make: Callable[[HandWire], Any], *, measures: bool = True) -> Stand:
+    """Return a real driver that ``make`` makes on the wire of a virtual device."""
+    wire = HandWire(device, timeline)
+    stand = Stand(timeline, device.body, make(wire), device if measures else None)
+    arrive = wire.take
+
+    def take(said: bytes) -> None:
+        if stand.stalls():
+            waiting.append(said)
+            return
+        arrive(b"".join(waiting) + said)
+        waiting.clear()
+
+    waiting: list[bytes] = []
+    wire.take = take  # type: ignore[method-assign]
+    return stand
+
+
+def twin(base: BaseTwin, timeline: Timeline, *, measures: bool = True) -> Stand:
+    """Return a twin."""
+    stand = Stand(timeline, base.body, base, base if measures else None)
+    timeline.every(PERIOD, lambda: None if stand.stalls() else base.step())
+    return stand
+
+
+def kobuki_wire(body: Body, timeline: Timeline) -> Stand:
+    device = VirtualKobuki()
+    device.body, device.wheels = body, body.wheels
+    return on_wire(device, timeline, lambda wire: KobukiBase(wire.link("base"), timeline.clock))
+
+
+def kobuki_twin(body: Body, timeline: Timeline) -> Stand:
+    return twin(BaseTwin(timeline.clock, body=body, gyro_noise=0.003), timeline)
+
+
+def rover_wire(body: Body, timeline: Timeline, *, encoders: bool = True) -> Stand:
+    unit = 1.0 if encoders else FULL / FASTEST
+    device = VirtualWaveshare(body, track=TRACK, unit=unit, encoders=encoders)
+
+    def make(wire: HandWire) -> WaveshareBase:
+        link = wire.link("base")
+        return WaveshareBase(link, timeline.clock, track=TRACK, encoders=encoders, speed_at_full=FASTEST)
+
+    return on_wire(device, timeline, make, measures=encoders)
+
+
+def car_wire(body: Body, timeline: Timeline) -> Stand:
+    wheels = TwoWheels(TRACK, FASTEST)
+
+    def make(wire: HandWire) -> KeeperBase:
+        return KeeperBase(wire.link("base"), timeline.clock, track=TRACK, speed_at_full=FASTEST)
+
+    return on_wire(VirtualCar(body, wheels), timeline, make, measures=False)
+
+
+def plain_twin(body: Body, timeline: Timeline, *, reckoned: bool = False, gyro: bool = False) -> Stand:
+    wheels = TwoWheels(TRACK, FASTEST)
+    made = PlainTwin(timeline.clock, wheels=wheels, reckoned=reckoned, gyro=gyro, body=body)
+    return twin(made, timeline, measures=not reckoned)
+
+
+def ros2_wire(body: Body, timeline: Timeline, *, topics: Mapping[str, str] = PLAIN, interval: float = PERIOD) -> Stand:
+    device = VirtualBase(body, topics)
+    device.odometry_interval = interval
+
+    def make(wire: HandWire) -> Ros2Base:
+        return Ros2Base(wire.link("base"), timeline.clock, device.channels, list(topics))
+
+    return on_wire(device, timeline, make)
+
+
+BASES: Mapping[str, Callable[[Body, Timeline], Stand]] = {
+    "kobuki, twin": kobuki_twin,
+    "kobuki, wire": kobuki_wire,
+    "rover with encoders, twin": plain_twin,
+    "rover with encoders, wire": rover_wire,
+    "ros2, twin": partial(plain_twin, gyro=True),
+    "ros2, wire": ros2_wire,
+    "ros2 at 3 Hz, wire": partial(ros2_wire, interval=1 / 3),
+    "create3, twin": kobuki_twin,
+    "create3, wire": partial(ros2_wire, topics=CREATE3),
+    "wave_rover, twin": partial(plain_twin, reckoned=True),
+    "wave_rover, wire": partial(rover_wire, encoders=False),
+    "pi_car, wire": car_wire,
+}
+RECKONED = frozenset({"wave_rover, twin", "wave_rover, wire", "pi_car, wire"})
+"""Bases that measure nothing: only the clock ends their motions."""
+
+GYRO = frozenset(name for name in BASES if name.startswith(("kobuki", "ros2", "create3")))
+
+
+@dataclass(frozen=True)
+class MotionCase:
+    """A motion on a base: ``way`` in metres, ``angle`` in radians, ``speed`` in m/s or rad/s; with a fault, perhaps."""
+
+    seed: int
+    base: str
+    motion: str
+    way: float
+    angle: float
+    speed: float
+    fault: str = ""
+    amount: float = 0.0
+    since: float = 0.0
+    slip: float = 0.0
+    reaches: float = 1.0
+    lag: float = 0.0
+    loaded: bool = False
+
+    @property
+    def allowed(self) -> float:
+        """How far (m, rad) beyond its goal the base may go: the larger of 20 % and speed x 1 s + braking."""
+        goal = abs(self.angle) if self.motion == "turn" else abs(self.way)
+        braking = self.speed**2 / 2 / (TURN_ACCELERATION if self.motion == "turn" else ACCELERATION)
+        return max(0.2 * goal, self.speed + braking)
+
+
+def draw(seed: int, *, faulty: bool) -> MotionCase:
+    """Return the case of a seed."""
+    chance = Random(f"motion {faulty} {seed}")  # noqa: S311 - chance, not a secret
+    motion = chance.choice(("drive", "drive", "turn", "turn", "arc", "go_to"))
+    side = chance.choice((-1.0, 1.0))
+    way, speed = chance.uniform(0.15, 1.5), chance.uniform(0.05, 0.45)
+    angle = side * radians(chance.uniform(15.0, 270.0))
+    if motion == "turn":
+        speed = radians(chance.uniform(10.0, 100.0))
+    case = MotionCase(
+        seed, chance.choice(tuple(BASES)), motion, way * side if motion == "drive" else way, angle, speed,
+        lag=chance.uniform(0.0, 0.2), slip=chance.uniform(0.0, 0.2), reaches=chance.uniform(0.85, 1.1),
+    )  # fmt: skip
+    if not faulty:
+        return replace(case, loaded=chance.random() < 0.5)
+    fault, base = chance.choice(FAULTS), case.base
+    if fault == "gyro drift":
+        base = chance.choice(sorted(GYRO))
+    if fault == "backup limit":
+        base = chance.choice(("create3, twin", "create3, wire"))
+        case = replace(case, motion="drive", way=-abs(case.way), speed=chance.uniform(0.05, 0.45))
+    amount = {"gyro drift": side * radians(chance.uniform(0.0, 5.0)), "late odometry": chance.uniform(0.2, 1.0)}
+    since = 0.0 if chance.random() < 0.5 else chance.uniform(0.2, 3.0)
+    return replace(case, base=base, fault=fault, amount=amount.get(fault, 0.0), since=since, slip=0.0, reaches=1.0)
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a motion ended; ``beyond`` is how far the base went beyond its goal, ``rests`` whether it stands."""
+
+    case: MotionCase
+    status: Status
+    reason: str
+    beyond: float
+    seconds: float
+    rests: bool
+
+    @property
+    def share(self) -> float:
+        """How far it went beyond its goal, as a share of what it may."""
+        return self.beyond / self.case.allowed
+
+    @property
+    def missed(self) -> bool:
+        """Whether the motion hung, the base did not come to rest, or went too far though something measures that."""
+        too_far = self.share > 1.0 and self.case.base not in RECKONED
+        return self.status is RUNNING or not self.rests or too_far
+
+
+def leaf_of(case: MotionCase) -> tuple[Motion, dict[str, float]]:
+    """Return the leaf of a case, and its arguments."""
+    match case.motion:
+        case "drive":
+            return Drive("drive"), {"distance": case.way, "speed": case.speed}
+        case "turn":
+            return Turn("turn"), {"angle": case.angle, "speed": case.speed}
+        case "arc":
+            return Arc("arc"), {"radius": case.way / abs(case.angle), "angle": case.angle, "speed": case.speed}
+        case _:
+            return GoTo("go_to"), {"x": case.way, "y": 0.0, "speed": case.speed}
+
+
+def strike(stand: Stand, case: MotionCase) -> None:
+    """Begin the fault."""
+    body = stand.body
+    match case.fault:
+        case "blocked":
+            body.wheels.blocked = True
+        case "slipping":
+            body.wheels.slip = 0.95
+        case "reversed":
+            body.reversed = True
+        case "encoders swapped":
+            body.counters.swapped = True
+        case "encoders lost":
+            body.counters.lost = True
+        case "gyro drift":
+            body.gyro.drift(case.amount, stand.timeline.clock.now())
+        case "e-stop":
+            body.e_stop = True
+        case "backup limit":
+            body.backup_limit = BackupLimit(0.025)
+        case "late odometry" if stand.odometer is not None:
+            stand.odometer.late.seconds = case.amount
+
+
+def play(case: MotionCase) -> Ending:
+    """Let a base do a motion, and return how that ended."""
+    timeline, chance = Timeline(), Random(f"load {case.seed}")  # noqa: S311
+    body = Body(wheels=Wheels(separation=TRACK, dead_time=case.lag, slip=case.slip))
+    body.reaches = case.reaches
+    stand = BASES[case.base](body, timeline)
+    if case.loaded:
+        starts = sorted(chance.uniform(1.0, 12.0) for _ in range(6))
+        stand.held_up += [(since, since + chance.uniform(0.05, 0.3)) for since in starts]
+    stand.base.open()
+    if case.since == 0.0:
+        strike(stand, case)
+    timeline.run(1.0)
+    bench = Bench(timeline.clock)
+    bench.robot = Robot(base_part=stand.base)
+    leaf, arguments = leaf_of(case)
+    bench.put(leaf, **arguments)
+    began, status, beyond = timeline.clock.now(), RUNNING, 0.0
+    if case.since > 0.0:
+        timeline.at(began + case.since, partial(strike, stand, case))
+    travel = Travel(case, stand.truth())
+    while status is RUNNING and timeline.clock.now() - began < LATEST:
+        timeline.run(timeline.clock.now() + TICK)
+        if not stand.stalls():
+            bench.run.tick += 1
+            status = leaf.execute_tick()
+        beyond = max(beyond, travel.beyond(stand.truth()))
+    seconds = timeline.clock.now() - began
+    for _ in range(40):
+        timeline.run(timeline.clock.now() + TICK)
+        beyond = max(beyond, travel.beyond(stand.truth()))
+    rests = body.velocity == STILL
+    stand.base.close()
+    return Ending(case, status, leaf.feedback_message, beyond, seconds, rests)
+
+
+class Travel:
+    """Follows a base, and says how far beyond its goal, or the wrong way from its start, it is."""
+
+    def __init__(self, case: MotionCase, start: Pose2D) -> None:
+        self._case, self._here, self._start = case, start, start
+        self._gone = 0.0
+
+    def beyond(self, here: Pose2D) -> float:
+        case, before, start = self._case, self._here, self._start
+        self._here = here
+        step = hypot(here.x - before.x, here.y - before.y)
+        self._gone += step
+        if case.motion == "turn":
+            side = 1.0 if case.angle > 0 else -1.0
+            turned = side * (here.heading - start.heading)
+            return max(turned - abs(case.angle), -turned, 0.0)
+        if case.motion == "arc":
+            return max(self._gone - abs(case.way), 0.0)
+        side = 1.0 if case.way > 0 else -1.0
+        along = side * (here.x - start.x)
+        return max(along - abs(case.way), -along, 0.0)
+
+
+def table(endings: list[Ending]) -> str:
+    """Return how far bases went beyond their goals, by fault and base."""
+    groups: dict[tuple[str, str], list[Ending]] = defaultdict(list)
+    for ending in endings:
+        groups[ending.case.fault, ending.case.base].append(ending)
+    lines = [f"{'fault':18} {'base':26} {'runs':>4} {'failed':>6} {'longest':>8} {'beyond, worst share of allowed':>8}"]
+    for (fault, base), group in sorted(groups.items()):
+        failed = sum(each.status is not SUCCESS for each in group)
+        longest, worst = max(each.seconds for each in group), max(each.share for each in group)
+        clock = "  only the clock" if base in RECKONED else ""
+        lines.append(f"{fault:18} {base:26} {len(group):4} {failed:6} {longest:6.1f} s {100 * worst:6.0f} %{clock}")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Play both campaigns."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("runs", type=int)
+    parser.add_argument("--seed", type=int, default=0)
+    asked = parser.parse_args()
+    seeds = range(asked.seed, asked.seed + asked.runs)
+    faulty = [play(draw(seed, faulty=True)) for seed in seeds]
+    click.echo(table(faulty))
+    for ending in faulty:
+        if ending.missed:
+            click.echo(f"MISSED {ending}")
+    clean = [play(draw(seed, faulty=False)) for seed in seeds]
+    stopped = [ending for ending in clean if ending.status is not SUCCESS]
+    click.echo(f"clean: {len(clean)} runs, {len(stopped)} stopped")
+    for ending in stopped:
+        click.echo(f"STOPPED {ending}")
+
+
+if __name__ == "__main__":
+    main()
