@@ -59,6 +59,7 @@ from drivers.api.sensors import (
     Ranger,
     RangeScan,
     Sound,
+    Witnessed,
     wrapped,
 )
 from drivers.api.steering import COMMAND_LIFE, STILL, Reflexes, Source, Steered, Steering, Velocity
@@ -136,6 +137,7 @@ __all__ = [
     "Utterance",
     "Velocity",
     "Voice",
+    "Witnessed",
     "ignore",
     "is_guarded",
     "wrapped",

@@ -162,3 +162,12 @@ class Imu(Device, Protocol):
     def attitude(self) -> Reading[Attitude]:
         """Return the newest attitude; stale after 0.1 s without another."""
         ...
+
+
+@runtime_checkable
+class Witnessed(Protocol):
+    """A base whose progress monitor compares its motion with other instruments; those on ``drivers.base`` do."""
+
+    def compare_with(self, *, ranger: Ranger | None = None, imu: Imu | None = None) -> None:
+        """Compare its motion with what these see, where they can tell; to be called before ``open``."""
+        ...

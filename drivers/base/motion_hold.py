@@ -3,7 +3,7 @@
 from collections import deque
 
 from drivers.api import COMMAND_LIFE, STILL, Source, Velocity
-from drivers.base.progress_monitor import MotionFault
+from drivers.base.motion_fault import MotionFault
 
 LET_GO = 2 * COMMAND_LIFE
 """Seconds without a command after which a source has let go, though it did not say so."""

@@ -70,12 +70,12 @@ class MotionWindow:
         self._length, self._spacing = length, spacing
         self._kept: deque[MotionSums] = deque()
 
-    def clear(self) -> None:
+    def restart(self) -> None:
         """Forget all sums."""
         self._kept.clear()
 
     def add(self, sums: MotionSums) -> MotionSums:
-        """Take the newest sums; return the motion within the window, or since it was cleared."""
+        """Take the newest sums; return the motion within the window, or since the restart."""
         kept = self._kept
         if not kept or sums.at - kept[-1].at >= self._spacing:
             kept.append(sums)

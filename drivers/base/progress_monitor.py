@@ -2,14 +2,17 @@
 
 Over about one second, commanded and measured motion are compared in amount and sign, driving and turning separately.
 The tolerance covers dead time and ramp of a base, late and rare odometry, slip of 20 %, slopes and carpet. A base whose
-pose is dead reckoning measures nothing: it is never compared with its own commands.
+pose is dead reckoning measures nothing: it is never compared with its own commands, but with what its range finder and
+its IMU see, where it has some (``drivers.base.witnesses``); else only the clock of its motions is left.
 """
 
 from math import degrees
+from typing import Protocol
 
 from drivers.api import STILL, BaseState, Pose2D, Velocity
 from drivers.api.quick import dataclass
 from drivers.base.hazards import describe
+from drivers.base.motion_fault import MotionFault
 from drivers.base.motion_window import MotionSums, MotionWindow, SentVelocities, moved, plus
 
 WINDOW, SLOW_WINDOW = 1.0, 3.0
@@ -47,19 +50,23 @@ OVERCURRENT_TIMEOUT = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class MotionFault:
-    """Why a base was stopped: what was commanded, what was measured, the likely cause; and what to try."""
-
-    reason: str
-    hint: str
-
-
-@dataclass(frozen=True, slots=True)
 class Instruments:
     """What measures the motion of a base, in words."""
 
     linear: str = "odometry"
     angular: str = "odometry"
+
+
+class Witness(Protocol):
+    """An instrument beside the odometry: those of ``drivers.base.witnesses``."""
+
+    def restart(self) -> None:
+        """Forget what was seen."""
+        ...
+
+    def compare(self, now: float, state: BaseState) -> MotionFault | None:
+        """Return a fault if the base does not move as ``state`` says."""
+        ...
 
 
 class ProgressMonitor:
@@ -72,6 +79,7 @@ class ProgressMonitor:
         self._instruments = instruments or Instruments()
         self._windows = (MotionWindow(WINDOW, 0.04), MotionWindow(SLOW_WINDOW, 0.2))
         self._interval = 0.0
+        self.witnesses: list[Witness] = []
         self.restart()
 
     def restart(self) -> None:
@@ -84,7 +92,9 @@ class ProgressMonitor:
         self._reported_at = 0.0
         self._overloaded_since: float | None = None
         for window in self._windows:
-            window.clear()
+            window.restart()
+        for witness in self.witnesses:
+            witness.restart()
 
     @property
     def watching(self) -> bool:
@@ -111,9 +121,10 @@ class ProgressMonitor:
             return MotionFault(
                 f"{_commanded(sent)}, and no report of the base for {NO_DATA_TIMEOUT:g} s", "look at its cable"
             )
-        if state.reckoned or not new:
+        if not new:
             return None
-        return self._overload(now, sent, state) or self._compare(sent, state)
+        fault = None if state.reckoned else self._overload(now, sent, state) or self._compare(sent, state)
+        return fault or next(filter(None, (witness.compare(now, state) for witness in self.witnesses)), None)
 
     # --- the inside ---------------------------------------------------------------------------------------------------
 
@@ -130,7 +141,9 @@ class ProgressMonitor:
         self._updated_at = self._reported_at = now
         self._sums = MotionSums(now)
         for window in self._windows:
-            window.clear()
+            window.restart()
+        for witness in self.witnesses:
+            witness.restart()
 
     def _advance(self, now: float) -> None:
         """Add up what was commanded since the last update."""

@@ -11,6 +11,7 @@ from drivers.api import (
     BaseState,
     DeviceStatus,
     DockBeam,
+    Imu,
     Pose2D,
     Ranger,
     Reading,
@@ -26,7 +27,8 @@ from drivers.api.gait import GaitKeys
 from drivers.api.sections import BaseKeys
 from drivers.base.changes import compare
 from drivers.base.limits import Limits
-from drivers.base.progress_monitor import Instruments, MotionFault, ProgressMonitor
+from drivers.base.motion_fault import MotionFault
+from drivers.base.progress_monitor import Instruments, ProgressMonitor
 from drivers.base.requests import check, require
 from drivers.base.velocity_multiplexer import VelocityMultiplexer
 from drivers.clock import Clock
@@ -153,6 +155,15 @@ class SteeredBase(ABC):
             report=self._report,
             blind=tuple(blind),
         )
+
+    def compare_with(self, *, ranger: Ranger | None = None, imu: Imu | None = None) -> None:
+        """See ``drivers.api.Witnessed``."""
+        # They import numpy, which a robot without either does not need.
+        from drivers.base.witnesses import ImuWitness, ScanWitness  # noqa: PLC0415
+
+        witnesses = self._mux.monitor.witnesses
+        witnesses += [] if ranger is None else [ScanWitness(ranger)]
+        witnesses += [] if imu is None else [ImuWitness(imu)]
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
         """Drive so for ``COMMAND_LIFE`` at most; return what is in force of it: limited, and what reflexes permit.

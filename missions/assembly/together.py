@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from behaviours.robot import Other, Robot
 from config.robot import RobotConfig, Section
-from drivers.api import Base, Device, Guardable, Head, Ranger, Report, Steered, ignore
+from drivers.api import Base, Device, Guardable, Head, Imu, Ranger, Report, Steered, Witnessed, ignore
 from drivers.api.driver import resolved
 from drivers.api.kinds import KINDS
 from drivers.api.quick import dataclass
@@ -87,6 +87,8 @@ def put_together(config: RobotConfig, chosen: frozenset[str], stands: Stands) ->
     base, ranger = parts.get("base"), parts.get("range")
     if config.guarded and config.range is not None and isinstance(base, Guardable) and ranger is not None:
         base.guard_by(cast("Ranger", ranger), config.range.blind)
+    if isinstance(base, Witnessed) and {"range", "imu"} & parts.keys():
+        base.compare_with(ranger=cast("Ranger | None", ranger), imu=cast("Imu | None", parts.get("imu")))
     opened = sorted(made, key=lambda part: (list(KINDS).index(config.kind_of(part).name), part not in KINDS))
     return robot_of_parts(config, seen), {part: made[part] for part in opened}
 

@@ -1,0 +1,182 @@
+"""Instruments beside the odometry that see whether a base moves: its range finder, and an IMU.
+
+They are compared with the pose that the base believes in: measured by its encoders, or dead reckoning from its
+commands, which nothing else can confute. One that sees nothing which a motion would change says nothing.
+"""
+
+from collections import deque
+from math import degrees, remainder, tau
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.api import BaseState, Imu, Pose2D, Ranger
+from drivers.api.quick import dataclass
+from drivers.base.motion_fault import MotionFault
+from drivers.base.motion_window import moved
+
+Floats = NDArray[np.float64]
+
+INTERVAL, MAX_INTERVAL = 1.0, 2.0
+"""Seconds between the two looks that are compared, at least and at most."""
+
+MIN_WAY, MIN_TURN = 0.1, 0.25
+"""Metres and radians that the base believes to have moved between them."""
+
+TOLERANCE, TOLERANCE_SHARE = 0.03, 0.03
+"""Metres, and share of the distance, by which a distance that has not changed may differ."""
+
+CHANGE, CHANGE_SHARE = 0.08, 0.06
+"""Metres, and share of the distance, by which a beam must change by the motion to tell of it."""
+
+MIN_BEAMS, MIN_BEAMS_SHARE = 20, 0.15
+"""Beams that must tell, and their share: in a corridor few do."""
+
+AGREE, DISAGREE = 0.8, 0.3
+"""Share of those beams that must agree with what the base does instead, and at most with what it believes."""
+
+CONFIRMATIONS = 2
+"""Scans in a row that must say so."""
+
+IMU_TURN = 0.35
+"""Radians that the base believes to have turned before an IMU is asked."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """What was measured at a time, and where the base believed to be."""
+
+    at: float
+    pose: Pose2D
+    ranges: Floats
+
+
+class ScanWitness:
+    """Compares scans of a ``ranger`` about a second apart."""
+
+    def __init__(self, ranger: Ranger) -> None:
+        self._ranger = ranger
+        self._looks: deque[_Look] = deque(maxlen=64)
+        self._number = -1
+        self._said = ""
+        self._times = 0
+
+    def restart(self) -> None:
+        """Forget all scans."""
+        self._looks.clear()
+        self._said, self._times = "", 0
+
+    def compare(self, now: float, state: BaseState) -> MotionFault | None:
+        """Look at the newest scan; return a fault once scans say that the base does not move as it believes."""
+        reading = self._ranger.scan()
+        scan = reading.value
+        if scan is None or not reading.good or scan.number == self._number:
+            return None
+        self._number = scan.number
+        ranges = np.where(np.isfinite(scan.ranges), scan.ranges, np.nan).astype(np.float64)
+        look = _Look(now, state.pose, ranges)
+        while self._looks and (
+            now - self._looks[0].at > MAX_INTERVAL or len(self._looks[0].ranges) != len(look.ranges)
+        ):
+            self._looks.popleft()
+        before = next((each for each in reversed(self._looks) if now - each.at >= INTERVAL), None)
+        self._looks.append(look)
+        if before is None:
+            return None
+        bearings: Floats = scan.start + scan.step * np.arange(len(look.ranges), dtype=np.float64)
+        said = _verdict(before, look, bearings)
+        self._times = self._times + 1 if said and said == self._said else 1
+        self._said = said
+        if not said or self._times < CONFIRMATIONS:
+            return None
+        motion = moved(before.pose, look.pose)
+        how = "was commanded to move" if state.reckoned else "measures"
+        believed = f"{motion.linear:.2f} m and {degrees(motion.angular):.0f} deg"
+        what = f"the base {how} {believed} in {now - before.at:.1f} s, but {said}"
+        return MotionFault(what, "free its wheels; look at motors, encoders and their cables, and at the range finder")
+
+
+def _verdict(before: _Look, after: _Look, bearings: Floats) -> str:
+    """Say what two scans tell of a motion other than the believed one, or nothing."""
+    motion = moved(before.pose, after.pose)
+    if abs(motion.linear) < MIN_WAY and abs(motion.angular) < MIN_TURN:
+        return ""
+    old, new = before.ranges, after.ranges
+    expected = _predicted(old, bearings, motion.linear, motion.angular)
+    opposite = _predicted(old, bearings, -motion.linear, -motion.angular)
+    known = np.isfinite(old) & np.isfinite(new) & np.isfinite(expected)
+    telling = known & (np.abs(expected - old) > np.maximum(CHANGE, CHANGE_SHARE * old))
+    if telling.sum() < max(MIN_BEAMS, MIN_BEAMS_SHARE * known.sum()):
+        return ""
+    if _agreement(new, expected, telling) > DISAGREE:
+        return ""
+    if _agreement(new, old, telling) >= AGREE:
+        return "what its range finder sees does not change: it is blocked, or its wheels slip or hang in the air"
+    if _agreement(new, opposite, telling & np.isfinite(opposite)) >= AGREE:
+        return "its range finder sees it move the other way: the sign of its motors is swapped"
+    return ""
+
+
+def _agreement(one: Floats, other: Floats, where: NDArray[np.bool_]) -> float:
+    """Return the share of beams at which two scans are the same."""
+    if not where.any():
+        return 0.0
+    off = np.abs(one[where] - other[where])
+    return float(np.mean(off <= np.maximum(TOLERANCE, TOLERANCE_SHARE * other[where])))
+
+
+def _predicted(ranges: Floats, bearings: Floats, way: float, turn: float) -> Floats:
+    """Return what a scan becomes after a motion of the base; NaN where nothing is known."""
+    x = ranges * np.cos(bearings) - way * np.cos(turn / 2)
+    y = ranges * np.sin(bearings) - way * np.sin(turn / 2)
+    seen, found = np.arctan2(y, x) - turn, np.full(len(ranges), np.nan)
+    step = (bearings[-1] - bearings[0]) / max(len(bearings) - 1, 1)
+    known = np.isfinite(ranges)
+    beams = np.round((seen[known] - bearings[0]) / step).astype(int) % len(ranges)
+    far = np.hypot(x, y)[known]
+    order = np.argsort(-far)  # the nearest last: it hides the others
+    found[beams[order]] = far[order]
+    return found
+
+
+class ImuWitness:
+    """Compares the turn that the base believes in with the yaw of an ``imu``."""
+
+    def __init__(self, imu: Imu) -> None:
+        self._imu = imu
+        self._yaw: float | None = None
+        self._turned = 0.0
+        self._looks: deque[tuple[float, float, float]] = deque(maxlen=128)  # time, heading, turned by the IMU
+
+    def restart(self) -> None:
+        """Forget all turns."""
+        self._yaw = None
+        self._looks.clear()
+
+    def compare(self, now: float, state: BaseState) -> MotionFault | None:
+        """Take the newest yaw; return a fault if the IMU does not turn as the base believes."""
+        reading = self._imu.attitude()
+        if reading.value is None or not reading.good:
+            self.restart()
+            return None
+        yaw, before = reading.value.yaw, self._yaw
+        self._yaw = yaw
+        self._turned += 0.0 if before is None else remainder(yaw - before, tau)
+        looks = self._looks
+        if not looks or now - looks[-1][0] >= INTERVAL / 20:
+            looks.append((now, state.pose.heading, self._turned))
+        while len(looks) > 1 and looks[1][0] <= now - INTERVAL:
+            looks.popleft()
+        since, heading, turned = looks[0]
+        believed, felt = state.pose.heading - heading, self._turned - turned
+        if now - since < INTERVAL or abs(believed) < IMU_TURN:
+            return None
+        side = 1.0 if believed > 0.0 else -1.0
+        if side * felt > DISAGREE * abs(believed):
+            return None
+        how = "was commanded to turn by" if state.reckoned else "measures a turn of"
+        said = "turns the other way: the sides of its wheels are swapped, or the IMU is mounted upside down"
+        if side * felt > -DISAGREE * abs(believed):
+            said = "does not turn: its wheels are blocked, slip or hang in the air"
+        what = f"the base {how} {degrees(believed):.0f} deg in {now - since:.1f} s, but its IMU {said}"
+        return MotionFault(what, "free its wheels; look at motors, encoders and their cables")

@@ -1,0 +1,85 @@
+"""Range finder and IMU as witnesses: they tell of a base that does not move as it believes, measured or reckoned."""
+
+from collections.abc import Callable
+from math import pi
+
+import numpy as np
+import pytest
+
+from drivers.api import STILL, Attitude, BaseState, Pose2D, Quality, RangeScan, Reading, Velocity
+from drivers.base.progress_monitor import ProgressMonitor
+from drivers.base.reckoning import Reckoning
+from drivers.base.witnesses import ImuWitness, ScanWitness
+from missions.testing.recorders import Bench
+
+PERIOD, BEAMS = 0.1, 360
+AHEAD, LEFT = Velocity(0.2, 0.0), Velocity(0.0, 0.6)
+
+Truth = Callable[[float], Pose2D]
+
+
+def room(pose: Pose2D, *, open_field: bool = False) -> np.ndarray:
+    """Return a scan from a pose in a room of 5 m by 4 m, with noise of 1 %."""
+    bearings = 2 * pi * np.arange(BEAMS) / BEAMS + pose.heading
+    with np.errstate(divide="ignore"):
+        along = np.where(np.cos(bearings) > 0, 2.5 - pose.x, -2.5 - pose.x) / np.cos(bearings)
+        across = np.where(np.sin(bearings) >= 0, 2.0 - pose.y, -2.0 - pose.y) / np.sin(bearings)
+    ranges = np.minimum(along, across) * (1 + 0.01 * np.random.default_rng(1).standard_normal(BEAMS))
+    return np.full(BEAMS, np.nan, np.float32) if open_field else ranges.astype(np.float32)
+
+
+def drive(velocity: Velocity, truth: Truth, *, open_field: bool = False, reckoned: bool = True) -> str:
+    """Let a base believe in its commands for 6 s, while it truly is elsewhere; return the fault, or nothing."""
+    bench, monitor, believed = Bench(), ProgressMonitor(), Reckoning()
+    monitor.witnesses += [ScanWitness(bench.ranger), ImuWitness(bench.others["imu"])]
+    imu = bench.others["imu"]
+    began = bench.clock.now()
+    for number in range(60):
+        now = bench.clock.advance(PERIOD)
+        here = truth(now - began)
+        scan = RangeScan(room(here, open_field=open_field), 0.0, 2 * pi / BEAMS, now, number, 0.15, 12.0)
+        bench.ranger.reading = Reading(scan, now, Quality.GOOD)
+        felt = Attitude(0.0, 0.0, here.heading, (0.0, 0.0, 0.0), (0.0, 0.0, 9.81))
+        imu.attitude = lambda felt=felt, now=now: Reading(felt, now, Quality.GOOD)  # type: ignore[attr-defined]
+        believed.advance(now, velocity)
+        fault = monitor.update(now, velocity, BaseState(believed.pose, velocity, reckoned=reckoned))
+        if fault is not None:
+            return fault.reason
+    return ""
+
+
+def going(velocity: Velocity, share: float = 1.0) -> Truth:
+    """Return where a base is that does a share of what it is commanded."""
+
+    def truth(time: float) -> Pose2D:
+        way = Reckoning()
+        way.advance(0.0, Velocity(share * velocity.linear, share * velocity.angular))
+        way.advance(time)
+        return way.pose
+
+    return truth
+
+
+@pytest.mark.parametrize("velocity", [AHEAD, Velocity(-0.2, 0.0), LEFT, Velocity(0.2, 0.4)])
+@pytest.mark.parametrize("share", [0.8, 1.0, 1.1])
+def test_a_base_that_moves_as_it_believes_is_left_alone(velocity: Velocity, share: float) -> None:
+    assert drive(velocity, going(velocity, share)) == ""
+
+
+@pytest.mark.parametrize("velocity", [AHEAD, Velocity(-0.2, 0.0)])
+@pytest.mark.parametrize("reckoned", [True, False])
+def test_a_scan_that_does_not_change_tells_of_a_base_that_stands(velocity: Velocity, reckoned: bool) -> None:
+    assert "range finder sees does not change" in drive(velocity, going(STILL), reckoned=reckoned)
+
+
+def test_a_scan_tells_of_a_base_that_drives_the_other_way() -> None:
+    assert "move the other way" in drive(AHEAD, going(AHEAD, -1.0))
+
+
+def test_an_imu_tells_of_a_base_that_does_not_turn_or_turns_the_other_way() -> None:
+    assert "its IMU does not turn" in drive(LEFT, going(STILL), open_field=True)
+    assert "its IMU turns the other way" in drive(LEFT, going(LEFT, -1.0), open_field=True)
+
+
+def test_where_nothing_is_seen_nothing_is_said() -> None:
+    assert drive(AHEAD, going(STILL), open_field=True) == ""
