@@ -9,7 +9,7 @@ from py_trees.common import Status
 from behaviours.driving.time_limit import MotionClock, limit_of
 from behaviours.leaf import SUCCESS, Leaf
 from behaviours.run import BY_DEAD_RECKONING
-from drivers.api import STILL, Base, BaseState, Pose2D, Source, Steering, Velocity, is_guarded
+from drivers.api import STILL, Angle, Base, BaseState, Length, Pose2D, Source, Steering, Velocity, is_guarded
 
 BRAKING, TURN_BRAKING = 0.5, 0.34
 """Which share of the base's greatest acceleration, and turn acceleration, the approach to a goal counts on."""
@@ -85,10 +85,10 @@ class Motion(Leaf):
         if late:
             return self.fail(late)
         status = self.go(state, self._start)
-        if state.reckoned and status is SUCCESS:
+        if state.reckoned and status is SUCCESS and self.keeps in (Length, Angle):
             self.feedback_message = BY_DEAD_RECKONING
             self.run.reckoned = True
-        elif state.reckoned and not self.feedback_message.endswith(RECKONED):
+        elif state.reckoned and status is not SUCCESS and not self.feedback_message.endswith(RECKONED):
             self.feedback_message += RECKONED
         return status
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from behaviours.run import BY_DEAD_RECKONING
 from drivers.api import Attitude
 from drivers.sim.twins.imu import ImuTwin
 from missions.order import RunRequest
@@ -45,7 +46,7 @@ keyframes:
 def test_it_sits_and_stands_and_walks_off_from_the_sit(tmp_path: Path) -> None:
     knee = "{joint: left_knee, angle: 108 deg, tolerance: 5 deg}"
     steps = f"    - stand:\n    - sit:\n    - joint_at: {knee}\n    - walk: 20 cm\n"
-    assert ran(tmp_path, steps) == ("success", "")
+    assert ran(tmp_path, steps) == ("success", BY_DEAD_RECKONING)
 
 
 @pytest.mark.parametrize("act", ["stand:", "sit:", "play_gait: stroll"])

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from behaviours.run import BY_DEAD_RECKONING
 from missions.order import RunRequest
 from missions.runner import Runner
 
@@ -14,7 +15,8 @@ def walked(tmp_path: Path, step: str) -> tuple[str, str]:
 
 
 def test_a_walk_in_a_curve_ends_when_its_steps_have_covered_the_way(tmp_path: Path) -> None:
-    assert walked(tmp_path, "walk: {distance: 1 m, turn: 20 deg/s}\n      timeout: 20 s") == ("success", "")
+    ended = walked(tmp_path, "walk: {distance: 1 m, turn: 20 deg/s}\n      timeout: 20 s")
+    assert ended == ("success", BY_DEAD_RECKONING)
 
 
 def test_a_walk_with_no_velocity_fails_and_says_so(tmp_path: Path) -> None:
