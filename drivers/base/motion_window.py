@@ -5,7 +5,7 @@ taken to lie between the lowest and the highest velocity that was sent within th
 """
 
 from collections import deque
-from math import cos, remainder, sin, tau
+from math import cos, inf, remainder, sin, tau
 
 from drivers.api import STILL, Pose2D, Velocity
 from drivers.api.quick import dataclass
@@ -38,18 +38,17 @@ class SentVelocities:
 
     def __init__(self, lag: float) -> None:
         self.lag = lag
-        self._sent: deque[tuple[float, Velocity]] = deque()
+        self._sent: deque[tuple[float, Velocity]] = deque([(-inf, STILL)])
 
     @property
     def standing(self) -> bool:
         """Whether nothing but standing still was sent within the lag."""
-        return not self._sent or (len(self._sent) == 1 and self._sent[0][1] == STILL)
+        return len(self._sent) == 1 and self._sent[0][1] == STILL
 
     def add(self, now: float, velocity: Velocity) -> None:
         """Note that ``velocity`` is sent from ``now`` on."""
-        if self._sent and self._sent[-1][1] == velocity:
-            return
-        self._sent.append((now, velocity))
+        if self._sent[-1][1] != velocity:
+            self._sent.append((now, velocity))
 
     def bounds(self, now: float) -> tuple[Velocity, Velocity]:
         """Return the lowest and the highest velocity in force within the lag before ``now``."""
@@ -57,8 +56,7 @@ class SentVelocities:
         while len(sent) > 1 and sent[1][0] <= now - self.lag:
             sent.popleft()
         if len(sent) < 2:
-            velocity = sent[0][1] if sent else STILL
-            return velocity, velocity
+            return sent[0][1], sent[0][1]
         linear, angular = [each.linear for _, each in sent], [each.angular for _, each in sent]
         return Velocity(min(linear), min(angular)), Velocity(max(linear), max(angular))
 
