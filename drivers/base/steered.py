@@ -102,6 +102,8 @@ class SteeredBase(ABC):
     name = "base"
     instruments = Instruments()
     """What measures its motion, in words."""
+    comparable = True
+    """Whether range finder and IMU can tell of its motion."""
 
     def __init__(self, clock: Clock, **settings: Unpack[Settings]) -> None:
         self._clock = clock
@@ -158,6 +160,8 @@ class SteeredBase(ABC):
 
     def compare_with(self, *, ranger: Ranger | None = None, imu: Imu | None = None) -> None:
         """See ``drivers.api.Witnessed``."""
+        if not self.comparable:
+            return
         # They import numpy, which a robot without either does not need.
         from drivers.base.witnesses import ImuWitness, ScanWitness  # noqa: PLC0415
 

@@ -20,12 +20,10 @@ from drivers.api import (
     BaseState,
     DeviceStatus,
     Health,
-    Imu,
     Joints,
     JointState,
     Pose2D,
     Quality,
-    Ranger,
     Reading,
     Source,
     Velocity,
@@ -61,6 +59,7 @@ class LegsBase(Mute, SteeredBase):
     """
 
     PERIOD = PERIOD
+    comparable = False  # steps slip, and the trunk sways: joints, falls and the clock of a walk remain
 
     def __init__(
         self,
@@ -99,9 +98,6 @@ class LegsBase(Mute, SteeredBase):
         if velocity != STILL and self._there and not self.walking:
             self._refuse_far()
         return super().drive(velocity, source=source)
-
-    def compare_with(self, *, ranger: Ranger | None = None, imu: Imu | None = None) -> None:
-        """Do nothing: steps slip, and the trunk sways; its joints, its falls and the clock of a walk end that."""
 
     def perform(self, act: str, gait: GaitKeys | None = None) -> float:
         """Perform an act of the legs, once a walk has ended; see ``drivers.api.Base``. It is not for legs that lie."""
