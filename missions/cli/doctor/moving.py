@@ -2,9 +2,11 @@
 
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from behaviours.catalogue import LEAVES
+from behaviours.leaf import Leaf
 from behaviours.node import Node
 from config.faults import Source
 from config.robot import RobotConfig, Section
@@ -56,6 +58,9 @@ def tried(
                 yield Checked(part, warning(trial.about, "not tried, for something is wrong with it", cure))
             elif not ask(f"{part}: {trial.does}. May it?"):
                 yield Checked(part, Finding(trial.about, "not tried"))
+            elif part == "head" and config.camera is not None and "camera" not in unwell:
+                lens = config.camera.field_of_view
+                yield from (Checked(part, finding) for finding in _head_tried(trial, config, order, ask, lens))
             elif section.driver.kind == "base":
                 yield from (Checked(part, finding) for finding in _base_tried(trial, config, order, ask))
             else:
@@ -88,10 +93,14 @@ def trials(part: str, section: Section) -> Iterator[Trial]:
 
 
 def _run(
-    trial: Trial, config: RobotConfig, order: RunRequest, on_frame: Callable[[Frame, object], None] = ignore
+    trial: Trial,
+    config: RobotConfig,
+    order: RunRequest,
+    on_frame: Callable[[Frame, object], None] = ignore,
+    more: Mapping[str, type[Leaf]] = MappingProxyType({}),
 ) -> tuple[Result, Node]:
     """Have a robot do something; return how that ended, and its tree. Raises KeyboardInterrupt."""
-    own = {Nudge.word: Nudge, TryBase.word: TryBase}
+    own: dict[str, type[Leaf]] = {Nudge.word: Nudge, TryBase.word: TryBase, **more}
     plan = check_plan(trial.source, {**LEAVES, **own}, THINGS, robot=target_of(config))
     result, root = run_plan(plan, order, out=sys.stderr, on_frame=on_frame)
     if result.result == "interrupted":
@@ -109,6 +118,28 @@ def _base_tried(trial: Trial, config: RobotConfig, order: RunRequest, ask: Ask) 
     turn = _seen(ask, trial.question, Seen.LEFT)
     ahead = _seen(ask, "Then, did it go ahead first?", Seen.AHEAD)
     yield from judge(leaf.trial, turn, ahead)
+
+
+def _head_tried(
+    trial: Trial, config: RobotConfig, order: RunRequest, ask: Ask, field_of_view: float
+) -> Iterator[Finding]:
+    """Turn a head that carries a camera, and judge its axes by the pictures as well as by what a person saw."""
+    from missions.cli.doctor.head_trial import PictureLog, TryHead  # noqa: PLC0415 - OpenCV is imported for this alone
+    from missions.cli.doctor.head_verdict import judge as judge_pictures  # noqa: PLC0415
+
+    log = PictureLog()
+    by_camera = replace(trial, steps=(TryHead.word,))
+    result, root = _run(by_camera, config, order, log, {TryHead.word: TryHead})
+    if result.result != "success":
+        yield wrong(trial.about, result.reason, f"mend that, then: mission doctor --move --robot {order.robot}")
+        return
+    leaf = next(node for node in root.iterate() if isinstance(node, TryHead))
+    yield from judge_pictures(lambda pose: log.within(*leaf.stills[pose]), field_of_view)
+    if ask(trial.question):
+        yield Finding(trial.about, "done, and seen")
+    else:
+        cure = trial.cure.replace("ROBOT", str(order.robot))
+        yield wrong(trial.about, "it has done something else than it was told", cure)
 
 
 def _seen(ask: Ask, question: str, expected: Seen) -> Seen:
