@@ -30,8 +30,8 @@ NO_DATA_TIMEOUT = 1.0
 GAP = 0.15
 """Seconds without a renewal after which the base may have stopped by itself: a computer was held up."""
 
-MIN_SHARE, MAX_SHARE = 0.5, 1.5
-"""Which share of the commanded motion must be measured at least, and may be at most."""
+MIN_SHARE, MAX_SHARE = 0.6, 1.5
+"""Which share of the commanded motion must be measured at least, and may be at most: half is one of two encoders."""
 
 TOLERANCE = Velocity(0.02, 0.1)
 """Metres and radians by which motion may differ besides."""

@@ -10,47 +10,48 @@ T = TypeVar("T")
 
 
 class Encoders:
-    """Counts how far two wheels turn, in metres; ``lost``, they stand still, ``swapped``, they count the other way."""
+    """Counts how far two wheels turn, in metres; ``lost``, both stand still, ``swapped``, both count the other way."""
 
     def __init__(self, wheels: Wheels) -> None:
         self._wheels = wheels
-        self._sign = 1.0
+        self._signs = (1.0, 1.0)
         self._counted = self._mark = (0.0, 0.0)
 
     @property
     def lost(self) -> bool:
-        """Whether they do not count."""
-        return self._sign == 0.0
+        """Whether neither counts."""
+        return self._signs == (0.0, 0.0)
 
     @lost.setter
     def lost(self, lost: bool) -> None:
-        self._count_from_here(0.0 if lost else 1.0)
+        self.count(*(0.0, 0.0) if lost else (1.0, 1.0))
 
     @property
     def swapped(self) -> bool:
-        """Whether they count the other way."""
-        return self._sign < 0.0
+        """Whether both count the other way."""
+        return self._signs == (-1.0, -1.0)
 
     @swapped.setter
     def swapped(self, swapped: bool) -> None:
-        self._count_from_here(-1.0 if swapped else 1.0)
+        self.count(*(-1.0, -1.0) if swapped else (1.0, 1.0))
+
+    def count(self, left: float, right: float) -> None:
+        """Count so many metres for each that the left and the right wheel turn from now on."""
+        self._counted, self._mark = self.travel, (self._wheels.left, self._wheels.right)
+        self._signs = (left, right)
 
     @property
     def travel(self) -> tuple[float, float]:
         """How far the left and the right wheel have turned, as far as was counted."""
-        (left, right), (left_mark, right_mark), sign = self._counted, self._mark, self._sign
+        (left, right), (left_mark, right_mark), signs = self._counted, self._mark, self._signs
         wheels = self._wheels
-        return left + sign * (wheels.left - left_mark), right + sign * (wheels.right - right_mark)
+        return left + signs[0] * (wheels.left - left_mark), right + signs[1] * (wheels.right - right_mark)
 
     @property
     def speeds(self) -> tuple[float, float]:
         """How fast both wheels turn, as far as that is counted, in m/s."""
         left, right = self._wheels.speeds
-        return self._sign * left, self._sign * right
-
-    def _count_from_here(self, sign: float) -> None:
-        self._counted, self._mark = self.travel, (self._wheels.left, self._wheels.right)
-        self._sign = sign
+        return self._signs[0] * left, self._signs[1] * right
 
 
 class GyroDrift:

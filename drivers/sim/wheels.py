@@ -32,6 +32,8 @@ class Wheels:
         self.pose = pose or Pose2D(0.0, 0.0, 0.0)
         """The true pose; set it to lift the base and put it down elsewhere."""
         self.slip = slip
+        self.gains = (1.0, 1.0)
+        """What the left and the right motor make of a command: 0 if it is not connected, -1 if it is swapped."""
         self.blocked = False
         """True while both wheels are held fast: their motors push in vain."""
         self.left = self.right = 0.0
@@ -70,7 +72,7 @@ class Wheels:
         self.advance(now)
         half = angular * self.separation / 2
         due = max(now, self._now or now) + self._dead_time
-        self._commands.append((due, linear - half, linear + half))
+        self._commands.append((due, self.gains[0] * (linear - half), self.gains[1] * (linear + half)))
 
     def advance(self, now: float) -> Pose2D:
         """Roll on until time ``now`` and return the true pose. Time that does not rise changes nothing."""

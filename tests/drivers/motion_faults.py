@@ -54,7 +54,7 @@ CREATE3 = {**PLAIN, "hazards": "/hazard_detection"}
 
 FAULTS = (
     "blocked", "slipping", "reversed", "encoders swapped", "encoders lost", "gyro drift", "e-stop", "backup limit",
-    "late odometry",
+    "late odometry", "one encoder lost", "one motor lost", "one motor reversed",
 )  # fmt: skip
 
 LATEST = 120.0
@@ -261,26 +261,24 @@ def leaf_of(case: MotionCase) -> tuple[Motion, dict[str, float]]:
 
 def strike(stand: Stand, case: MotionCase) -> None:
     """Begin the fault."""
-    body = stand.body
-    match case.fault:
-        case "blocked":
-            body.wheels.blocked = True
-        case "slipping":
-            body.wheels.slip = 0.95
-        case "reversed":
-            body.reversed = True
-        case "encoders swapped":
-            body.counters.swapped = True
-        case "encoders lost":
-            body.counters.lost = True
-        case "gyro drift":
-            body.gyro.drift(case.amount, stand.timeline.clock.now())
-        case "e-stop":
-            body.e_stop = True
-        case "backup limit":
-            body.backup_limit = BackupLimit(0.025)
-        case "late odometry" if stand.odometer is not None:
-            stand.odometer.late.seconds = case.amount
+    body, now = stand.body, stand.timeline.clock.now()
+    late = None if stand.odometer is None else stand.odometer.late
+    begin: Mapping[str, Callable[[], object]] = {
+        "blocked": lambda: setattr(body.wheels, "blocked", True),
+        "slipping": lambda: setattr(body.wheels, "slip", 0.95),
+        "reversed": lambda: setattr(body, "reversed", True),
+        "encoders swapped": lambda: setattr(body.counters, "swapped", True),
+        "encoders lost": lambda: setattr(body.counters, "lost", True),
+        "one encoder lost": lambda: body.counters.count(0.0, 1.0),
+        "one motor lost": lambda: setattr(body.wheels, "gains", (0.0, 1.0)),
+        "one motor reversed": lambda: setattr(body.wheels, "gains", (1.0, -1.0)),
+        "gyro drift": lambda: body.gyro.drift(case.amount, now),
+        "e-stop": lambda: setattr(body, "e_stop", True),
+        "backup limit": lambda: setattr(body, "backup_limit", BackupLimit(0.025)),
+        "late odometry": lambda: None if late is None else setattr(late, "seconds", case.amount),
+    }
+    if case.fault:
+        begin[case.fault]()
 
 
 def play(case: MotionCase) -> Ending:

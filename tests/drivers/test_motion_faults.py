@@ -33,7 +33,7 @@ def test_a_turn_ends_though_the_gyro_drifts(base: str, drift: float) -> None:
     assert ending.beyond < 0.05
 
 
-@pytest.mark.parametrize("base", ["kobuki, wire", "create3, wire"])
+@pytest.mark.parametrize("base", ["kobuki, wire", "create3, wire", "rover with encoders, wire"])
 @pytest.mark.parametrize("fault", ["blocked", "e-stop", "encoders lost", "reversed"])
 def test_it_fails_and_says_why_within_two_seconds(base: str, fault: str) -> None:
     ending = play(MotionCase(1, base, "drive", 0.5, 0.0, 0.2, fault=fault))

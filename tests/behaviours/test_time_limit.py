@@ -1,0 +1,107 @@
+"""The time limit of motions: it ends those that never get there, and its clock stands while they are held up."""
+
+from dataclasses import replace
+
+import pytest
+
+from behaviours.docking import Dock
+from behaviours.driving.arc import Arc
+from behaviours.driving.go_to import GoTo
+from behaviours.driving.motion import Motion
+from behaviours.driving.stop import STOP_LIMIT, Stop
+from behaviours.driving.straight import Drive
+from behaviours.driving.time_limit import MARGIN, NO_PROGRESS_LIMIT, limit_of, seconds_to_drive
+from behaviours.driving.turning import Turn
+from behaviours.leaf import FAILURE, RUNNING
+from behaviours.legs import Sit, Stand
+from behaviours.walking import TurnInPlace, Walk
+from drivers.api import STILL, BaseState, Pose2D, Source, Steering, Velocity
+from missions.testing.recorders import Bench, good
+
+TICK = 0.05
+AHEAD = Velocity(0.2, 0.0)
+
+
+def bounded(bench: Bench) -> list[Motion]:
+    return [
+        bench.put(Drive("drive"), distance=0.5),
+        bench.put(Turn("turn"), angle=1.0),
+        bench.put(Arc("arc"), radius=0.5),
+        bench.put(GoTo("go_to"), x=1.0, y=1.0),
+        bench.put(Walk("walk"), distance=0.5),
+        bench.put(TurnInPlace("turn_in_place"), angle=1.0),
+        bench.put(Stand("stand")),
+        bench.put(Sit("sit")),
+        bench.put(Dock("dock")),
+    ]
+
+
+def seconds_to_end(bench: Bench, leaf: Motion, most: float = 300.0) -> float:
+    """Return after how long a leaf ends."""
+    began = bench.clock.now()
+    while bench.tick(leaf, after=TICK) is RUNNING:
+        assert bench.clock.now() - began < most, "it goes on and on"
+    return bench.clock.now() - began
+
+
+@pytest.mark.parametrize("number", range(9))
+@pytest.mark.parametrize("reckoned", [False, True])
+def test_a_motion_that_never_gets_there_ends_at_its_time_limit(number: int, reckoned: bool) -> None:
+    bench = Bench()
+    bench.robot = replace(bench.robot, ros2_part=None)
+    bench.base.reading = good(replace(BaseState(Pose2D(0.0, 0.0, 0.0), AHEAD), reckoned=reckoned))
+    leaf = bounded(bench)[number]
+    assert seconds_to_end(bench, leaf) > MARGIN
+    assert leaf.status is FAILURE
+
+
+def test_the_limit_is_what_the_motion_can_take_and_a_margin() -> None:
+    bench = Bench()
+    leaf = bounded(bench)[0]
+    limit = limit_of(seconds_to_drive(0.5, 0.2, bench.base.limits))
+    assert seconds_to_end(bench, leaf) == pytest.approx(limit, abs=0.2)
+    assert leaf.reason == f"not done within its time limit of {limit:.0f} s"
+
+
+def test_its_clock_begins_anew_when_a_person_lets_go_of_the_wheels() -> None:
+    bench = Bench()
+    leaf = bounded(bench)[0]
+    limit = limit_of(seconds_to_drive(0.5, 0.2, bench.base.limits))
+    bench.tick(leaf)
+    bench.base.steers = Steering(Source.TELEOP, AHEAD, AHEAD)
+    for _ in range(round(2 * limit / TICK)):
+        assert bench.tick(leaf, after=TICK) is RUNNING
+    bench.base.steers = Steering(None, STILL, STILL)
+    assert seconds_to_end(bench, leaf) == pytest.approx(limit, abs=0.2)
+
+
+def test_its_clock_stands_while_the_run_is_paused() -> None:
+    bench = Bench()
+    leaf = bounded(bench)[0]
+    bench.tick(leaf)
+    for _ in range(3):
+        assert bench.tick(leaf, after=600.0) is RUNNING  # no tick comes in a pause
+
+
+def test_its_clock_is_as_slow_as_the_base_is_made() -> None:
+    bench = Bench()
+    leaf = bounded(bench)[0]
+    limit = limit_of(seconds_to_drive(0.5, 0.2, bench.base.limits))
+    bench.base.steers = Steering(Source.MISSION, AHEAD, Velocity(0.05, 0.0), "something is in the way, 0.4 m ahead")
+    assert seconds_to_end(bench, leaf) == pytest.approx(4 * limit, rel=0.02)
+
+
+def test_stop_fails_on_a_base_that_goes_on() -> None:
+    bench = Bench()
+    bench.base.reading = good(BaseState(Pose2D(0.0, 0.0, 0.0), AHEAD))
+    assert seconds_to_end(bench, bench.put(Stop("stop"))) == pytest.approx(STOP_LIMIT, abs=0.2)
+
+
+def test_a_motion_that_nav2_does_fails_where_the_base_makes_no_progress() -> None:
+    bench = Bench()
+    bench.ros2.nav2 = True
+    leaf = bounded(bench)[3]
+    bench.tick(leaf)
+    assert leaf.reason.endswith("by Nav2")
+    assert seconds_to_end(bench, leaf) == pytest.approx(NO_PROGRESS_LIMIT, abs=1.0)
+    assert leaf.reason == f"no progress for {NO_PROGRESS_LIMIT:g} s"
