@@ -361,3 +361,36 @@ def test_an_arm_whose_controller_nobody_runs_says_which_topic_that_is() -> None:
     detail = rig.device.health().detail
     assert "arm: nobody listens to /controller/joint_trajectory (trajectory_msgs/msg/JointTrajectory or" in detail
     rig.close()
+
+
+@pytest.mark.parametrize("grip", [0.0, -1.0])
+def test_a_joint_that_is_blocked_or_turns_the_wrong_way_is_given_up_and_told_to_stand(
+    topics: TopicArm, grip: float
+) -> None:
+    topics.robot.shafts["elbow_joint"].grip = grip
+    began = topics.clock.now()
+    refused = []
+
+    def moved() -> bool:
+        try:
+            topics.device.move({"elbow": 1.2}, speeds={"elbow": 1.0})
+        except DeviceFault as error:
+            refused.append(str(error))
+        return bool(refused)
+
+    topics.until(moved)
+    assert topics.clock.now() - began < 1.6
+    assert refused[0].startswith("joint elbow: commanded 1.20 rad, ")
+    assert topics.told("fault", "joint elbow: commanded")
+    state = topics.state("elbow")
+    assert state.blocked == refused[0]
+    topics.robot.shafts["elbow_joint"].grip = 1.0
+    topics.wait(0.5)
+    there = topics.truth("elbow")
+    topics.wait(1.0)
+    assert topics.truth("elbow") == pytest.approx(there, abs=1e-3)
+    topics.device.move({"shoulder": 0.5})
+    topics.until(lambda: topics.at("shoulder", 0.5))
+    topics.device.hold()
+    topics.device.move({"elbow": 1.2})
+    topics.until(lambda: topics.at("elbow", 1.2))

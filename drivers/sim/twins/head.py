@@ -15,7 +15,7 @@ from drivers.api import (
     Report,
     ignore,
 )
-from drivers.arduino.axis import TRAILING, ServoAxis, next_degrees
+from drivers.arduino.axis import FULL, TRAILING, ServoAxis, next_degrees
 from drivers.clock import Clock
 from drivers.led import LedHead
 from drivers.pantilt import AHEAD, PanTilt
@@ -62,6 +62,7 @@ class HeadTwin(LedHead[ServoAxis], Enabling):
         self._sent: tuple[int, ...] | None = None  # degrees; None before it was ever there
         self._pose = AHEAD
         self._stamp = -inf
+        self._reversed = False
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
 
@@ -122,7 +123,7 @@ class HeadTwin(LedHead[ServoAxis], Enabling):
             self._sent = sent
             for shaft, goal in zip(self._shafts, sent, strict=True):
                 shaft.advance(now)
-                shaft.goal = float(goal)
+                shaft.goal = float(FULL - goal if self._reversed else goal)
         self._stamp = now
         self._history.add(now, (self._pose.pan, self._pose.tilt))
         if turned:
@@ -135,9 +136,12 @@ class HeadTwin(LedHead[ServoAxis], Enabling):
 
     def fail(self, fault: str = "") -> None:
         """Let its servos be "blocked" or "reversed", or as they should be; nobody measures where they stand."""
+        self._reversed = fault == "reversed"
         for shaft in self._shafts:
             shaft.advance(self._clock.now())
-            shaft.grip = {"blocked": 0.0, "reversed": -1.0}.get(fault, 1.0)
+            shaft.grip = 0.0 if fault == "blocked" else 1.0
+        self._sent = None
+        self._settled = False
 
     def _connected(self) -> None:
         """Go on from where a sketch that has just started has put its servos; stay there, but for the first time."""
