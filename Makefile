@@ -46,7 +46,7 @@ $(OTHERS_STAMP): $(STAMP) $(OTHERS)/builder.txt $(OTHERS)/requirements.txt
 setup: $(STAMP) ## build .venv from constraints.txt, when it is missing or stale
 
 demo: $(DEMO_STAMP) ## a simulated TurtleBot looks for a face, tracks it and greets it
-	$(BIN)/mission run greet
+	$(BIN)/mission run greet --simulate --robot turtlebot2_arm
 
 # Tests start hundreds of processes: where the environment forbids to keep what Python compiles, each would do it anew.
 # Many wait for real time, so there is work for two more than there are cores, and for the checks beside them.

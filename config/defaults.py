@@ -77,6 +77,18 @@ def keep_default(word: str, value: str) -> Path:
     return path
 
 
+def drop_default(word: str) -> Path:
+    """Remove one default from the file, whose other lines stay; return the file.
+
+    Raises InvalidFileError, NotEditableError, OSError.
+    """
+    from config.editing import rewrite, without_key  # noqa: PLC0415 - most commands write no defaults
+
+    path = config_folder() / FILE
+    rewrite(path, without_key(read_source(path), word))
+    return path
+
+
 def missing_folders() -> list[str]:
     """Return the ``folders`` that are not there: nothing is found in them."""
     return [each for each in load_defaults().folders if not Path(each).expanduser().is_dir()]

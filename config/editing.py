@@ -45,6 +45,23 @@ def with_value(source: Source, keys: Sequence[str], value: str) -> str:
     return _add(source.text, node, f"{keys[-1]}: {value}")
 
 
+def without_key(source: Source, key: str) -> str:
+    """Return the text of a YAML file without a top-level ``key`` and its value; unchanged if it has none.
+
+    Raises NotEditableError for a value that shares its line, or has several; InvalidFileError for what is no YAML.
+    """
+    node = compose(source)
+    found = [(name, value) for name, value in node.entries if name.text == key] if isinstance(node, Mapping) else []
+    lines = source.text.splitlines(keepends=True)
+    for name, value in found:
+        line = source.line(name.mark.line)
+        alone = name.mark.column == 1 and line.startswith((key, f'"{key}"', f"'{key}'"))
+        if not (alone and isinstance(value, Scalar) and value.mark.line == name.mark.line and "\n" not in value.text):
+            raise NotEditableError(f"{source.name}: '{key}' is written in a way that cannot be removed: do it yourself")
+        lines[name.mark.line - 1] = ""
+    return "".join(lines)
+
+
 def with_values(source: Source, values: PyMapping[tuple[str, ...], str]) -> str:
     """Return the text in which each of ``values`` stands at its keys, and all else means what it meant.
 

@@ -71,12 +71,13 @@ def _own(kind: str, name: str) -> Path | None:
     if kind == "robots" and name == MINE:
         mine = load_defaults().robot
         if not mine or mine == MINE:
-            raise UnknownNameError("no robot is this computer's own yet; `mission robot use NAME` makes one so")
+            raise UnknownNameError("no robot is this computer's own; `mission robot use NAME` makes one so")
         try:
             return find(kind, str(Path(mine).expanduser()) if "/" in mine else mine)
         except UnknownNameError as error:
             where = f"{config_folder() / FILE}: 'robot': {error}"
-            raise UnknownNameError(f"{where}; `mission robot use NAME` names another") from None
+            cure = "`mission robot use NAME` names another, `mission robot use --none` forgets it"
+            raise UnknownNameError(f"{where}; {cure}") from None
     return own_files(kind).get(name)
 
 

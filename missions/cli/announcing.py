@@ -9,11 +9,11 @@ from threading import Event as Signal
 from threading import Thread
 from typing import TYPE_CHECKING, Any, Self
 
-from config.library import DEFAULT_ROBOT, find
 from drivers.api.sections import Ros2Keys
 from drivers.clock import SystemClock, since_1970
 from drivers.errors import NotConnected
 from drivers.ros2.declared import ZenohKeys
+from missions.cli.origin import robot_file
 from missions.executive.events import Ended, Event, NodeChanged, PerceptSeen, Started, Ticked, VariableSet
 from missions.executive.json_lines import plain
 from missions.library.drivers import load_robot
@@ -188,7 +188,7 @@ def announcer_of(robot: str | None, router: str | None, domain: int | None = Non
     from drivers.ros2.make import domain_of  # noqa: PLC0415 - an extra
     from drivers.ros2.session import access_of  # noqa: PLC0415
 
-    config = load_robot(find("robots", robot or DEFAULT_ROBOT))
+    config = load_robot(robot_file(robot))
     section = config.sections.get("ros2")
     keys = ZenohKeys() if section is None else section.keys
     return Announcer(access_of(keys, router or ""), domain_of(keys) if domain is None else domain)

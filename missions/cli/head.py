@@ -9,7 +9,6 @@ from types import MappingProxyType
 import click
 
 from config.editing import NotEditableError
-from config.library import DEFAULT_ROBOT, find
 from drivers.api import HeadPose
 from drivers.arduino.declared import ServoKeys
 from drivers.arduino.driver import ArduinoHead
@@ -20,6 +19,7 @@ from missions.assembly.lags import ENOUGH
 from missions.cli.head_bench import HEAD, Bench, head_option, opened, pause, robot_options
 from missions.cli.keys import Keys
 from missions.cli.numbers import Real
+from missions.cli.origin import robot_file
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.status_line import show_over
 from missions.cli.trimming import HELP, trim_by_hand
@@ -108,7 +108,7 @@ def trim(
     by_hand = pan is None and tilt is None
     if by_hand and not sys.stdin.isatty():
         raise click.UsageError("the arrow keys need a terminal; give --pan DEG and --tilt DEG instead")
-    path, again = find("robots", robot or DEFAULT_ROBOT), AGAIN + ("" if head == HEAD else f" --head {head}")
+    path, again = robot_file(robot), AGAIN + ("" if head == HEAD else f" --head {head}")
     try:
         if keep:
             check_keepable(path, again)

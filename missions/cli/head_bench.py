@@ -11,7 +11,7 @@ import click
 
 from behaviours.head import Arrival, shown
 from config.faults import one_of
-from config.library import DEFAULT_ROBOT, find
+from config.library import find
 from config.robot import RobotConfig
 from config.world import load_world
 from drivers.api import DeviceStatus, Head, HeadPose, ignore
@@ -27,6 +27,7 @@ from missions.assembly.lags import Lags
 from missions.assembly.together import Hooks, Overrides
 from missions.cli.keys import interruptible
 from missions.cli.names import ROBOT
+from missions.cli.origin import robot_file
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
 from missions.library.interests import Interests
@@ -123,7 +124,7 @@ def opened(
     It goes to its start first, unless it is to ``stay``.
     Raises NotConnected, with what is missing, after ``CONNECT_TIME``.
     """
-    config = load_robot(find("robots", name or DEFAULT_ROBOT))
+    config = load_robot(robot_file(name))
     keys = keys_of_head(config, head)
     virtual = simulate or name is None
     if virtual and port is not None:

@@ -166,24 +166,29 @@ def guarded(work: Callable[[], object]) -> int:
     from config.library import UnknownNameError  # noqa: PLC0415
     from config.units import seen  # noqa: PLC0415
     from drivers.errors import DriverError  # noqa: PLC0415
+    from missions.cli.origin import forget_origin  # noqa: PLC0415
     from missions.records.recording.faults import InvalidRecordError  # noqa: PLC0415
     from perception.faults import BadModel  # noqa: PLC0415
 
+    forget_origin()
     try:
         code = work()
     except click.exceptions.Exit as done:
         return done.exit_code
     except click.ClickException as error:
         error.show()
+        _tell_origin(error.format_message())
         return USAGE
     except (click.Abort, KeyboardInterrupt):
         click.echo("mission: interrupted", err=True)
         return INTERRUPTED
     except (InvalidFileError, UnknownNameError, InvalidRecordError, BadModel) as error:
         click.echo(str(error) if isinstance(error, InvalidFileError) else f"mission: {error}", err=True)
+        _tell_origin(str(error))
         return USAGE
     except DriverError as error:
         click.echo(f"mission: {error}" + (f"\n  try: {error.hint}" if error.hint else ""), err=True)
+        _tell_origin(f"robot: {error}")
         return DEVICE
     except BrokenPipeError:  # the reader of our output has gone, as `mission list | head -1` does
         sys.stdout = None  # so that Python does not flush into the pipe at exit
@@ -197,6 +202,14 @@ def guarded(work: Callable[[], object]) -> int:
     except Exception as error:
         return _own_fault(error)
     return code if isinstance(code, int) else SUCCESS
+
+
+def _tell_origin(text: str) -> None:
+    """Say of an error, in ``text``, where the robot came from that nobody named."""
+    from missions.cli.origin import origin_note  # noqa: PLC0415 - few commands end so
+
+    if note := origin_note(text):
+        click.echo(f"  {note}", err=True)
 
 
 def _own_fault(error: Exception) -> int:

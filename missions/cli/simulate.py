@@ -17,6 +17,7 @@ from missions.assembly.simulation import Simulation
 from missions.cli.hands import Hands
 from missions.cli.names import ROBOT, WORLD
 from missions.cli.numbers import Real
+from missions.cli.origin import robot_file
 from missions.executive.executive import GLANCE
 from missions.library.drivers import load_robot
 
@@ -65,7 +66,7 @@ def command(robot: str | None, period: float | None, world: str | None, listen: 
     The devices speak their real protocols: point any program at them, or another `mission run` with --port.
     Meanwhile a line on stdin does something to them: `turn elbow 30 deg`, `overload elbow`, `unplug`, `help`.
     """
-    config = load_robot(find("robots", robot or (DEFAULT_ROBOT if listen is None else "turtlebot4")))
+    config = load_robot(robot_file(robot, DEFAULT_ROBOT if listen is None else "turtlebot4"))
     if listen is not None and "ros2" not in config.sections:
         raise click.UsageError(f"{config.name} is no robot of ROS 2: mission simulate --ros2 --robot turtlebot4")
     around = None if world is None else load_world(find("worlds", world))

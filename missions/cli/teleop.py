@@ -9,7 +9,7 @@ from threading import Event
 
 import click
 
-from config.library import DEFAULT_ROBOT, DEFAULT_WORLD, find
+from config.library import DEFAULT_WORLD, find
 from config.units import in_dimension
 from config.world import load_world
 from drivers.api import Base, Head, ignore
@@ -22,6 +22,7 @@ from missions.cli.head_bench import HEAD, head_option, keys_of_head
 from missions.cli.keys import Keys, interruptible
 from missions.cli.leash import heeded
 from missions.cli.names import ROBOT, WORLD
+from missions.cli.origin import robot_file
 from missions.cli.root import SUCCESS
 from missions.cli.status_line import show_over
 from missions.cli.terminal_line import line_to
@@ -130,7 +131,7 @@ def _opened(name: str | None, head: str, wishes: Overrides, clock: Clock) -> Ite
 
     Raises NotConnected, with what is missing, after ``CONNECT_TIME``.
     """
-    config = load_robot(find("robots", name or DEFAULT_ROBOT))
+    config = load_robot(robot_file(name))
     if config.base is None:
         raise click.UsageError(f"{config.name} has no base")
     if head != HEAD:

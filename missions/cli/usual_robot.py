@@ -23,10 +23,10 @@ robot_option = click.option("--robot", type=ROBOT, help="Check that this robot c
 class NotForThisRobotError(InvalidFileError):
     """A mission that is right but for the usual robot; its text says so, and which robot can do it."""
 
-    def __init__(self, faults: Sequence[Diagnostic], name: str, able: str) -> None:
+    def __init__(self, faults: Sequence[Diagnostic], name: str, robot: str, able: str) -> None:
         super().__init__(faults)
         cure = f"robot '{able}' can do it: --robot {able}" if able else "for another robot: --robot NAME"
-        self.args = (f"{self.args[0]}\n  {name} was checked for the usual robot; {cure}",)
+        self.args = (f"{self.args[0]}\n  {name} was checked for the usual robot ({robot}); {cure}",)
 
 
 def robots_for(robot: str | None) -> list[Path]:
@@ -56,7 +56,8 @@ def load_for(
             raise
         plan, able = found
         if able is None or plan.source.name not in map(str, shipped_missions().values()):
-            raise NotForThisRobotError(error.faults, name, "" if able is None else able.stem) from None
+            able_name = "" if able is None else able.stem
+            raise NotForThisRobotError(error.faults, name, robots[0].stem, able_name) from None
         return plan, able
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 import pytest
 
+from config.defaults import config_folder
 from drivers.api.driver import Driver, Site
 from drivers.api.findings import Finding
 from drivers.kobuki.commands import COMMANDS, RequestExtra
@@ -344,3 +345,27 @@ def test_the_cure_of_a_second_arm_names_it(
         desk.port("ttyUSB0", "0403:6014", behind=terminal.path, rule="u2d2")
         told = mission("--robot", str(file), "--root", str(desk.root), "--json")
     assert findings(told)["right_arm", "lift (servo 1)"]["cure"].endswith(f"--robot {file} --arm right_arm")
+
+
+def test_the_doctor_tells_the_truth_about_the_robot_of_this_computer(mission: Mission, desk: RecordedMachine) -> None:
+    at = ("--root", str(desk.root))
+    assert "robot: this computer has none of its own" in mission(*at).out
+    file = config_folder() / "defaults.yaml"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text("robot: nobody\n")
+    gone = mission(*at)
+    assert gone.code == 1
+    assert f"robot: this computer's own, by {file}, cannot be used: {file}: 'robot': unknown robot 'nobody'" in gone.out
+    assert "try: mission robot use NAME, or: mission robot use --none" in gone.out
+    Path("bad.yaml").write_text("robot: bad\nbase: {driver: kobuki}\n")
+    file.write_text(f"robot: {Path('bad.yaml').absolute()}\n")
+    bad = mission(*at)
+    assert (bad.code, "cannot be used" in bad.out, "needs 'port'" in bad.out) == (1, True, True)
+    file.write_text("robto: kit\n")
+    assert "cannot be used" in mission(*at).out
+    file.write_text(f"robot: {Path('kit.yaml').absolute()}\n")
+    assert (
+        f"robot: kit ({Path('kit.yaml').absolute()}), this computer's own by {file}: base, head, arm"
+        in mission(*at).out
+    )
+    assert "this computer's own" not in mission("--robot", "kit.yaml", *at).out

@@ -57,6 +57,69 @@ def test_a_file_of_ones_own_is_used_by_its_whole_path(
     assert mission("robot", "show").out.startswith(f"kit  {tmp_path}/kit.yaml")
 
 
+def test_a_computer_can_have_no_robot_again(mission: Mission) -> None:
+    assert mission("robot", "use", "--none").out == "this computer has no robot of its own\n"
+    mission("robot", "use", "humanoid")
+    told = mission("robot", "use", "--none")
+    assert (told.code, told.out) == (0, f"humanoid is this computer's robot no more: {config_folder()}/defaults.yaml\n")
+    assert load_defaults().robot == ""
+    assert "no robot is this computer's own" in mission("robot", "show").err
+    assert mission("robot", "use", "--none", "humanoid").code == 2
+    assert mission("robot", "use").code == 2
+
+
+def test_a_default_that_is_gone_can_be_forgotten(mission: Mission) -> None:
+    file = config_folder() / "defaults.yaml"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text("robot: nobody\nrecord: false\n")
+    assert "`mission robot use --none` forgets it" in mission("robot", "show").err
+    assert mission("robot", "use", "--none").code == 0
+    assert file.read_text() == "record: false\n"
+
+
+def test_a_default_that_is_written_in_another_way_is_left_to_its_owner(mission: Mission) -> None:
+    file = config_folder() / "defaults.yaml"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text("{robot: humanoid, record: false}\n")
+    told = mission("robot", "use", "--none")
+    assert (told.code, "do it yourself" in told.err) == (2, True)
+    assert load_defaults().robot == "humanoid"
+
+
+NOTE = "the robot is 'so101', this computer's own by {0}/defaults.yaml: --robot NAME takes another"
+
+
+def test_an_error_about_a_robot_that_was_not_named_says_where_its_name_is_from(mission: Mission) -> None:
+    mission("robot", "use", "so101")
+    note = NOTE.format(config_folder())
+    for line in ("run square_3m --simulate fast", "run wave --on-robot --no-record", "robot check --root /nowhere"):
+        told = mission(*line.split())
+        assert told.code != 0
+        if "--root" not in line:
+            assert note in told.err, line
+            assert "`mission robot use --none` forgets it" in told.err, line
+    assert "the robot is" not in mission("run", "square_3m", "--simulate", "fast", "--robot", "so101").err
+
+
+def test_an_error_about_the_usual_robot_names_it(mission: Mission) -> None:
+    line = ("servo", "move", "tentacle", "10 deg")
+    told = mission(*line)
+    assert "the robot is 'turtlebot2_arm', for no other was named: --robot NAME takes another" in told.err
+    assert "the robot is" not in mission(*line, "--robot", "so101", "--simulate").err
+
+
+def test_a_mistake_of_another_kind_says_nothing_of_the_robot(mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "wrong.yaml").write_text("mission: wrong\ntree:\n  wait: 1\n")
+    mission("robot", "use", "turtlebot2")
+    assert "this computer's own" not in mission("run", str(tmp_path / "wrong.yaml")).err
+
+
+def test_the_demo_names_its_robot() -> None:
+    makefile = Path(__file__).parents[2] / "Makefile"
+    (line,) = [each for each in makefile.read_text().splitlines() if "mission run greet" in each]
+    assert "--simulate --robot turtlebot2_arm" in line
+
+
 def test_a_robot_that_is_no_robot_is_not_used(mission: Mission, tmp_path: Path) -> None:
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text("robot: wrong\nbase: {driver: kobuki}\n")

@@ -221,7 +221,11 @@ def test_an_arm_like_no_other_has_its_joints_named_one_by_one(bench: Workbench) 
 def test_left_after_each_answer_it_goes_on_where_it_was(bench: Workbench, robot: str) -> None:
     if robot != "pi_car":
         plug_turtlebot(bench) if robot == "turtlebot" else plug_so101(bench)
-    answers = {"turtlebot": ROSIE, "so101": ADA, "pi_car": {"robot called": "beep", r"like\?": "pi_car"}}[robot]
+    answers = {
+        "turtlebot": ROSIE,
+        "so101": {**ADA, r"like\?": "so101"},
+        "pi_car": {"robot called": "beep", r"like\?": "pi_car"},
+    }[robot]
     asked: list[str] = []
     for _ in range(MOST):
         person = Person(answers, stays=1)
@@ -232,7 +236,10 @@ def test_left_after_each_answer_it_goes_on_where_it_was(bench: Workbench, robot:
     else:
         pytest.fail(f"not done after {MOST} answers: {asked}")
     assert len(asked) == len(set(asked)), "nothing is asked twice"
-    assert find("robots", "mine").is_file()
+    if robot == "pi_car":
+        assert load_defaults().robot == "", "none of it is plugged in"
+    else:
+        assert find("robots", "mine").is_file()
     assert all(bench.instructions(name) <= READS for name in bench.written if name in {"ttyUSB1", "ttyACM0"})
 
 
@@ -242,9 +249,68 @@ def test_all_defaults_move_nothing_and_leave_an_arduino_alone(bench: Workbench) 
     bench.session(person, yes=True)
     assert person.asked == []
     assert find("robots", "my_robot").is_file()
+    assert load_defaults().robot == "", "this computer's robot stays as it was"
     assert nano.commands == []
     assert bench.written["ttyUSB2"] == []
     assert bench.instructions("ttyUSB1") == READS
+
+
+def test_where_two_robots_fit_the_user_says_which(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+    plug_so101(bench)
+    question = "which of these is it like? its names, limits and figures are taken over"
+    person = Person({**ADA, r"like\?": "so101_leader"})
+    bench.session(person)
+    assert question in person.asked, "nothing is proposed"
+    told = capsys.readouterr().out
+    assert "so101: SO-101 follower arm, six Feetech STS3215; the computer's voice. (its arm holds its position)" in told
+    assert "(its arm goes limp at the end)" in told
+    arm = load_robot(find("robots", "ada")).keys(DynamixelKeys)
+    assert arm is not None
+    assert arm.at_end == "relax"
+
+
+def test_where_two_robots_fit_all_defaults_take_the_safe_one(bench: Workbench) -> None:
+    plug_so101(bench)
+    bench.session(Person(), yes=True)
+    arm = load_robot(find("robots", "my_robot")).keys(DynamixelKeys)
+    assert arm is not None
+    assert arm.at_end == "hold"
+    assert all(joint.torque <= 0.5 for joint in arm.joints.values())
+    assert load_defaults().robot == ""
+
+
+def test_servos_of_other_models_are_no_known_arm(bench: Workbench) -> None:
+    servos = VirtualServoBus([VirtualServo(number, model="AX-18A") for number in range(1, 11)])
+    bench.plug("ttyUSB1", servos, "0403:6014", "FT7")
+    bench.session(Person({"called": "strong"}))
+    arm = load_robot(find("robots", "strong")).keys(DynamixelKeys)
+    assert arm is not None
+    assert {joint.model for joint in arm.joints.values()} == {"AX-18A"}
+
+
+def plug_strangers(bench: Workbench) -> None:
+    servos = [VirtualServo(number, model="XM430-W350") for number in (1, 2, 3)]
+    for stranger in servos[1:]:
+        stranger.set("model_number", 1120)
+    bench.plug("ttyUSB1", VirtualServoBus(servos), "0403:6014", "FT7")
+
+
+def test_an_unknown_model_is_asked_for_and_never_taken_for_another(bench: Workbench) -> None:
+    plug_strangers(bench)
+    person = Person({"called": "kit", "model is servo 2": "XM430-W350", "model is servo 3": "none"})
+    bench.session(person)
+    assert any("which model is servo 2, which says: number 1120?" in asked for asked in person.asked)
+    arm = load_robot(find("robots", "kit")).keys(DynamixelKeys)
+    assert arm is not None
+    assert {joint.id: joint.model for joint in arm.joints.values()} == {1: "XM430-W350", 2: "XM430-W350"}
+
+
+def test_all_defaults_leave_servos_of_unknown_models_out(bench: Workbench) -> None:
+    plug_strangers(bench)
+    bench.session(Person(), yes=True)
+    arm = load_robot(find("robots", "my_robot")).keys(DynamixelKeys)
+    assert arm is not None
+    assert {joint.id: joint.model for joint in arm.joints.values()} == {1: "XM430-W350"}
 
 
 def test_two_servos_of_one_id_get_new_ones_each_after_a_yes_of_its_own(bench: Workbench) -> None:

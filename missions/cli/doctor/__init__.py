@@ -8,9 +8,11 @@ from pathlib import Path
 
 import click
 
+from config.defaults import FILE, config_folder, load_defaults
+from config.faults import InvalidFileError
 from config.library import MINE, UnknownNameError, find
 from config.robot import RobotConfig
-from drivers.api.findings import Finding
+from drivers.api.findings import Finding, wrong
 from drivers.clock import SystemClock, time_of_day
 from drivers.finding.fitness import fitness
 from drivers.finding.machine import Machine
@@ -51,14 +53,14 @@ def command(robot: str | None, ports: dict[str, str], move: bool, file: Path | N
     Each line is ok, a warning, or wrong, with what to try. Nothing moves without --move, and nothing is written into a
     device. Exit code 0 is that nothing is wrong, 1 that something is, 2 a mistake in the command or a file.
     """
-    machine, config = Machine(root), _config(robot)
+    machine, (config, whose) = Machine(root), _config(robot)
     if unknown := sorted(set(ports) - set(config.sections if config else ())):
         raise click.UsageError(f"--port: the robot has no {' or '.join(unknown)}")
     if move and config is None:
         raise click.UsageError("--move: which robot?\n  try: mission doctor --move --robot NAME")
     found = list[Checked]()
     with interruptible():
-        for each in _all(machine, config, robot or MINE, ports, found, move=move):
+        for each in _all(machine, config, whose, robot or MINE, ports, found, move=move):
             if not as_json:
                 _tell(each, new=not found or found[-1].part != each.part)
             found.append(each)
@@ -95,19 +97,32 @@ def _keep(machine: Machine, config: RobotConfig | None, found: list[Checked]) ->
         write_private(checkup_file(), anonymous(json.dumps(told), secrets(machine)).encode())
 
 
-def _config(robot: str | None) -> RobotConfig | None:
-    """Return the robot that is named, else this computer's own; None where it has none."""
+def _config(robot: str | None) -> tuple[RobotConfig | None, Finding]:
+    """Return the robot that is named, else this computer's own, None where there is none; and what to say of it.
+
+    Raises InvalidFileError, UnknownNameError for one that is named.
+    """
+    if robot is not None:
+        config = load_robot(find("robots", robot))
+        return config, Finding("robot", f"{config.name}: {', '.join(config.sections)}")
+    cure = "mission robot use NAME, or: mission robot use --none"
     try:
-        return load_robot(find("robots", robot or MINE))
-    except UnknownNameError:
-        if robot is not None:
-            raise
-        return None
+        mine = load_defaults().robot
+        if not mine:
+            return None, Finding("robot", "this computer has none of its own", cure="mission robot use NAME")
+        config = load_robot(find("robots", MINE))
+    except (UnknownNameError, InvalidFileError) as error:
+        told = f"this computer's own, by {config_folder() / FILE}, cannot be used: {error}"
+        return None, wrong("robot", told, cure)
+    called = config.name if config.name == mine else f"{config.name} ({mine})"
+    told = f"{called}, this computer's own by {config_folder() / FILE}: {', '.join(config.sections)}"
+    return config, Finding("robot", told)
 
 
 def _all(
     machine: Machine,
     config: RobotConfig | None,
+    whose: Finding,
     called: str,
     ports: dict[str, str],
     found: list[Checked],
@@ -119,11 +134,9 @@ def _all(
     installed = Path(__file__).stat().st_mtime
     computer = fitness(machine, survey(machine), now=now, installed=installed, folder=state_folder())
     yield from (Checked(COMPUTER, finding) for finding in (*installation(), *computer))
+    yield Checked(COMPUTER, whose)
     if config is None:
-        nobody = Finding("robot", "this computer has none of its own", cure="mission robot use NAME")
-        yield Checked(COMPUTER, nobody)
         return
-    yield Checked(COMPUTER, Finding("robot", f"{config.name}: {', '.join(config.sections)}"))
     move = move and _ask(f"{config.name} is going to move a little. Is there room, and are all hands off it?")
     yield from check_robot(config, called, machine, clock, ports=ports, resets=move)
     if move:

@@ -4,12 +4,13 @@ from pathlib import Path
 
 import click
 
-from config.library import MINE, find
+from config.library import MINE
 from drivers.clock import SystemClock
 from drivers.finding.machine import Machine
 from missions.assembly.checkup import check_robot
 from missions.cli.keys import interruptible
 from missions.cli.names import ROBOT
+from missions.cli.origin import robot_file
 from missions.cli.ports import root_option
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
@@ -24,7 +25,7 @@ def check(name: str, reset: bool, root: Path) -> int:
 
     It is the robot's half of `mission doctor`. Exit code 1 where something is wrong.
     """
-    config, code = load_robot(find("robots", name)), SUCCESS
+    config, code = load_robot(robot_file(name)), SUCCESS
     click.echo(f"{config.name}  {config.path}")
     with interruptible():
         for each in check_robot(config, name, Machine(root), SystemClock(), ports={}, resets=reset):

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import count
 from typing import Any
@@ -13,9 +13,11 @@ from config.defaults import own_files
 from config.faults import InvalidFileError
 from config.library import find, shipped
 from config.robot import NAME, RobotKeys
+from config.units import in_dimension
 from drivers.api.driver import BrokenDriver, Driver
 from drivers.api.keys import declared
 from drivers.api.kinds import KINDS
+from drivers.dynamixel.declared import DynamixelKeys
 from drivers.finding.survey import Desk
 from missions.cli.robot.desk import Found
 from missions.cli.robot.dialogue import Dialogue
@@ -34,13 +36,26 @@ class Model:
     """A robot that the new one is like: the drivers of its parts, and what its file says of each."""
 
     name: str
+    summary: str
     drivers: Mapping[str, Driver]
     sections: Mapping[str, dict[str, Any]]
+    arm: DynamixelKeys | None = None
 
-    def ids(self) -> set[int]:
-        """The IDs of its servos."""
-        joints = self.sections.get("arm", {}).get("joints", {})
-        return {joint["id"] for joint in joints.values() if isinstance(joint, dict) and "id" in joint}
+    @property
+    def servos(self) -> Mapping[int, str]:
+        """The models of its arm's servos, by their IDs."""
+        return {} if self.arm is None else {joint.id: joint.model for joint in self.arm.joints.values()}
+
+    @property
+    def holds(self) -> bool:
+        """Whether its arm holds its position at the end of a run."""
+        return self.arm is None or self.arm.at_end == "hold"
+
+    def fits(self, found: Found) -> bool:
+        """Whether its arm has the servos that were found, by their IDs and models."""
+        units = {number: model for number, model, _ in found.units}
+        alike = all(model in ("?", self.servos[number]) for number, model in units.items() if number in self.servos)
+        return alike and units.keys() == self.servos.keys()
 
     def section(self, part: str) -> dict[str, Any]:
         """Return what its file says of a part, but for the driver."""
@@ -48,13 +63,59 @@ class Model:
 
 
 def like(talk: Dialogue, found: Sequence[Found]) -> Model | None:
-    """Ask which known robot the new one is like; the one that shares most with what is plugged in is proposed."""
+    """Ask which known robot the new one is like; the one that shares most with what is plugged in is proposed.
+
+    Where several fit equally well none is proposed: with --yes the one is taken whose arm is safe.
+    """
     models = [model for name in (shipped("robots") | own_files("robots")) if (model := _model(name)) is not None]
     fitting = sorted(models, key=partial(_likeness, found), reverse=True)
-    best = fitting[0].name if fitting and _likeness(found, fitting[0]) > 0 else NONE
+    names = [NONE, *(model.name for model in fitting)]
+    equal = _equal(found, fitting)
+    if len(equal) > 1:
+        talk.tell("several fit what is plugged in, and nothing tells them apart:")
+        talk.tell(*(f"  {model.name}: {model.summary}{_rest_of(model)}" for model in equal))
+        proposed: str | None = None
+        if talk.yes:
+            safe = _gentle(max(equal, key=lambda model: model.holds))
+            talk.tell(f"{safe.name} is taken, with {GENTLE} of the torque: `mission robot new` without --yes asks")
+            talk.keep("like", safe.name)
+            return safe
+    else:
+        proposed = fitting[0].name if fitting and _likeness(found, fitting[0]) > 0 else NONE
     question = "which of these is it like? its names, limits and figures are taken over"
-    chosen = talk.choice("like", question, [NONE, *(model.name for model in fitting)], best)
+    chosen = talk.choice("like", question, names, proposed)
     return next((model for model in fitting if model.name == chosen), None)
+
+
+def _equal(found: Sequence[Found], fitting: Sequence[Model]) -> list[Model]:
+    """Return the robots whose arms fit the servos that were found, if they are several that fit equally well."""
+    arms = [each for each in found if each.units]
+    best = [model for model in fitting if round(_likeness(found, model)) == round(_likeness(found, fitting[0]))]
+    return [model for model in best if any(_same_arm(each, model) for each in arms)]
+
+
+def _same_arm(found: Found, model: Model) -> bool:
+    return model.drivers.get(found.driver.kind) == found.driver and model.fits(found)
+
+
+def _rest_of(model: Model) -> str:
+    """Say what the arm of a robot does at the end of a run."""
+    return " (its arm holds its position)" if model.holds else " (its arm goes limp at the end)"
+
+
+GENTLE = "50 %"
+"""The torque at most of an arm of which nobody has said what it is."""
+
+
+def _gentle(model: Model) -> Model:
+    """Return the robot with an arm that has ``GENTLE`` torque at most."""
+    if model.arm is None:
+        return model
+    limit = in_dimension(GENTLE, "share")
+    strong = [name for name, joint in model.arm.joints.items() if joint.torque > limit]
+    arm = model.sections["arm"]
+    joints = {name: {**told, "torque": GENTLE} if name in strong else told for name, told in arm["joints"].items()}
+    return replace(model, sections={**model.sections, "arm": {**arm, "joints": joints}})
 
 
 def _model(name: str) -> Model | None:
@@ -65,17 +126,19 @@ def _model(name: str) -> Model | None:
         return None
     raw = yaml.safe_load(path.read_text(encoding="utf-8"))
     drivers = {part: section.driver for part, section in config.sections.items()}
-    return Model(name, drivers, {part: {**raw[part]} for part in drivers})
+    arm = config.sections["arm"].keys if "arm" in config.sections else None
+    sections = {part: {**raw[part]} for part in drivers}
+    return Model(name, config.summary, drivers, sections, arm if isinstance(arm, DynamixelKeys) else None)
 
 
 def _likeness(found: Sequence[Found], model: Model) -> float:
-    """Return how much a robot has of what is plugged in; servos count where their IDs are the same."""
+    """Return how much a robot has of what is plugged in; servos count if their IDs and models are the same."""
     score = 0.0
     for each in found:
         if model.drivers.get(each.driver.kind) == each.driver:
             score += 1.0
             if each.units:
-                score += 2.0 if {unit[0] for unit in each.units} == model.ids() else -1.0
+                score += 2.0 if model.fits(each) else -1.0
     return score - 0.01 * len(model.drivers)
 
 
@@ -193,7 +256,7 @@ def _title(found: Found) -> str:
 
 def _found_part(each: Found, model: Model | None) -> Part:
     section: dict[str, Any] = {}
-    same_servos = model is not None and {unit[0] for unit in each.units} == model.ids()
+    same_servos = model is not None and model.fits(each)
     if model is not None and model.drivers.get(each.driver.kind) == each.driver:
         section = model.section(each.driver.kind)
         if each.units and not same_servos:

@@ -71,8 +71,8 @@ class Dialogue:
             self.keep(key, answer)
             return answer
 
-    def choice(self, key: str, question: str, among: Sequence[str], default: str) -> str:
-        """Ask for one of several words; its number will do, too."""
+    def choice(self, key: str, question: str, among: Sequence[str], default: str | None) -> str:
+        """Ask for one of several words; its number will do, too. Without a default one has to be named."""
 
         def check(answer: str) -> None:
             _chosen(answer, among)

@@ -1,13 +1,13 @@
 """``mission robot new``: from what is plugged in to a robot file, by questions; left, and taken up again."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import click
 
-from config.defaults import config_folder, keep_default
+from config.defaults import config_folder, keep_default, load_defaults
 from config.editing import NotEditableError
 from config.faults import InvalidFileError, Source
 from config.library import shipped
@@ -19,9 +19,10 @@ from drivers.errors import DriverError
 from drivers.finding.asking import PATIENCE
 from drivers.finding.machine import Machine
 from missions.cli.keys import interruptible
+from missions.cli.outputs import check_writable, writing
 from missions.cli.ports import root_option
 from missions.cli.robot.choosing import choose, like
-from missions.cli.robot.desk import plugged_in
+from missions.cli.robot.desk import Found, plugged_in
 from missions.cli.robot.dialogue import Dialogue
 from missions.cli.robot.first import able
 from missions.cli.robot.parts import Part, figures
@@ -37,7 +38,8 @@ LONGEST = 64
 
 
 @click.command(epilog="Example: mission robot new --yes")
-@click.option("--yes", is_flag=True, help="Take the default of each question: nothing moves, no servo is changed.")
+@click.option("--yes", is_flag=True, help="Take the default of each question: nothing moves, no servo is changed, "
+              "this computer's robot stays.")  # fmt: skip
 @click.option("--fresh", is_flag=True, help="Forget what was answered before.")
 @click.option(
     "-o",
@@ -70,6 +72,10 @@ def dialogue(talk: Dialogue, machine: Machine, output: Path | None, *, patience:
         talk.tell("going on from where you left; --fresh begins anew")
     name = talk.text("name", "what is the robot called?", "my_robot", lambda said: _free(said, output))
     path = output or config_folder() / "robots" / f"{name}.yaml"
+    if output is None:
+        with writing(path, "-o"):
+            path.parent.mkdir(parents=True, exist_ok=True)
+    check_writable(path, "-o")
     table = Table()
     desk, found = plugged_in(talk, machine, table, patience=patience)
     model = like(talk, found)
@@ -83,8 +89,15 @@ def dialogue(talk: Dialogue, machine: Machine, output: Path | None, *, patience:
     if not talk.confirm("write", f"write this to {path}?", default=True):
         talk.forget("write")
         raise click.Abort
-    used = talk.confirm("use", "make it this computer's robot?", default=True)
+    used = _is_used(talk, found)
     return _written(talk, path, text, parts, config, used=used)
+
+
+def _is_used(talk: Dialogue, found: Sequence[Found]) -> bool:
+    """Ask whether the new robot becomes this computer's own: not with --yes, nor where nothing of it is plugged in."""
+    if talk.yes or not any(each.about or each.units for each in found):
+        return False
+    return talk.confirm("use", "make it this computer's robot?", default=True)
 
 
 def _free(name: str, output: Path | None) -> None:
@@ -118,6 +131,10 @@ def _filled(
                 if part.port is not None:
                     part_ids(talk, kind, part, str(machine.at(part.port.path)), patience=max(patience, 0.004))
                 name_joints(talk, kind, part)
+                if not part.section["joints"]:
+                    talk.tell(f"the {kind} is left out: the model of none of its servos is known")
+                    del parts[kind]
+                    break
             figures(talk, kind, part)
             try:
                 robot_of(Source(name, robot_text(name, summary, _sections({**whole, kind: part}))))
@@ -179,6 +196,8 @@ def _written(
     if used:
         with suppress(NotEditableError):
             keep_default("robot", called if called == name else str(path.resolve()))
+    elif (mine := load_defaults().robot) != called:
+        talk.tell(f"this computer's robot stays {mine or 'none'}; to change that: mission robot use {called}")
     talk.forget()
     talk.tell("next:", f"  mission robot check {called}")
     mission = able(config)

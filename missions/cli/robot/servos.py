@@ -11,6 +11,7 @@ from drivers.clock import SystemClock
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.census import Found, census
 from drivers.dynamixel.declared import DynamixelKeys, JointKeys
+from drivers.dynamixel.identification import require_sole
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.make import joints as specs
 from drivers.dynamixel.models import MODELS
@@ -54,13 +55,36 @@ def name_joints(talk: Dialogue, arm: str, part: Part) -> None:
     if not part.units:
         talk.tell("no servo has answered: their IDs are taken as you say")
         count = int(talk.text(f"{arm} count", f"how many servos has the {arm}?", "1", _count))
-        part.units = tuple((number, usual, "") for number in range(1, count + 1))
-    for number, model, _ in sorted(part.units):
+        kind = _model(talk, f"{arm} model", f"which model are the servos of the {arm}?", part, usual)
+        part.units = tuple((number, kind, "") for number in range(1, count + 1))
+    for number, told, _ in sorted(part.units):
+        model = told
+        if told not in MODELS:
+            question = f"which model is servo {number}, which says: {told}? '{LEFT_OUT}' leaves it out"
+            model = _model(talk, f"{arm} model {number}", question, part, LEFT_OUT)
+            if model == LEFT_OUT:
+                talk.tell(f"  servo {number} is left out")
+                continue
         of = "" if arm == "arm" else f" of the {arm}"
         question = f"what moves servo {number}{of} ({model})?"
         name = talk.text(f"{arm} joint {number}", question, f"joint{number}", check)
-        joints[name] = {"id": number} | ({} if model in {usual, "?"} or model not in MODELS else {"model": model})
+        joints[name] = {"id": number} | ({} if model == usual else {"model": model})
     part.section["joints"] = joints
+
+
+LEFT_OUT = "none"
+
+
+def _model(talk: Dialogue, key: str, question: str, part: Part, default: str) -> str:
+    """Ask which model servos are that do not say so: one that the driver of the part knows."""
+    among = [name for name, model in MODELS.items() if (model.protocol == "STS") == (part.driver.name == "feetech")]
+    usual = default if default in (LEFT_OUT, *among) else among[0]
+
+    def check(answer: str) -> None:
+        if answer != usual and answer not in among:
+            raise ValueError(f"'{answer:.40}' is none of: {', '.join(among)}")
+
+    return talk.text(key, question, usual, check)
 
 
 def _count(answer: str) -> None:
@@ -164,8 +188,10 @@ def find_limits(
 
 
 def _turned(talk: Dialogue, bus: Bus, joints: Mapping[str, Joint]) -> dict[str, tuple[int, int]]:
-    """Make joints limp, and watch how far they are turned, until Enter."""
+    """Make joints limp, once each servo was identified, and watch how far they are turned, until Enter."""
     turned = []
+    for joint in joints.values():
+        require_sole(bus, joint.at, joint.model.number)
     for joint in joints.values():
         bus.write(joint.at, joint.model.table["torque_enable"], 0)
         ticks = bus.read(joint.at, joint.model.table["present_position"])

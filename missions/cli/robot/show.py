@@ -5,12 +5,13 @@ from math import degrees
 
 import click
 
-from config.library import MINE, find
+from config.library import MINE
 from config.robot import RobotConfig, Section
 from drivers.api.sections import ArmKeys, AxisKeys, HeadKeys, Wired
 from drivers.api.senses import CameraKeys
 from drivers.finding.machine import Machine
 from missions.cli.names import ROBOT
+from missions.cli.origin import robot_file
 from missions.cli.root import SUCCESS
 from missions.library.drivers import load_robot
 
@@ -19,7 +20,7 @@ from missions.library.drivers import load_robot
 @click.argument("name", required=False, default=MINE, type=ROBOT)
 def show(name: str) -> int:
     """Show what a robot is made of; without NAME, this computer's own. No port is opened."""
-    config = load_robot(find("robots", name))
+    config = load_robot(robot_file(name))
     click.echo("\n".join(lines(config, Machine())))
     return SUCCESS
 

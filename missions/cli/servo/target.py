@@ -9,11 +9,11 @@ from typing import Any
 import click
 
 from config.faults import one_of
-from config.library import DEFAULT_ROBOT, find
 from config.robot import RobotConfig
 from drivers.dynamixel.declared import DynamixelKeys
 from missions.cli.names import ROBOT
 from missions.cli.numbers import Whole
+from missions.cli.origin import robot_file
 from missions.library.drivers import load_robot
 
 ARM = "arm"
@@ -54,7 +54,7 @@ class Target:
 
     def config(self) -> RobotConfig:
         """Read the robot file, with port and baud rate as they were asked for. Raises click.UsageError without arm."""
-        robot = load_robot(find("robots", self.robot or DEFAULT_ROBOT))
+        robot = load_robot(robot_file(self.robot))
         arm = arm_named(robot, self.arm)
         return robot.with_keys(self.arm, replace(arm, port=self.port or arm.port, baud=self.baud or arm.baud))
 

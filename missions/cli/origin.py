@@ -1,0 +1,43 @@
+"""Where the robot of a command came from that the user did not name: said beside every error about it."""
+
+from contextvars import ContextVar
+from pathlib import Path
+
+from config.library import DEFAULT_ROBOT, MINE, find
+
+_origin: ContextVar[tuple[str, str]] = ContextVar("origin", default=("", ""))
+"""The robot that was taken, and where its name came from; empty while one was named."""
+
+
+def forget_origin() -> None:
+    """Forget which robot was taken: another command begins."""
+    _origin.set(("", ""))
+
+
+def take_default(robot: str) -> None:
+    """Remember that ``robot`` was taken from the file of defaults."""
+    from config.defaults import FILE, config_folder  # noqa: PLC0415 - most commands name their robot
+
+    ignore = "--robot NAME takes another, `mission robot use --none` forgets it"
+    _origin.set((robot, f"the robot is '{robot}', this computer's own by {config_folder() / FILE}: {ignore}"))
+
+
+def robot_file(name: str | None, default: str = DEFAULT_ROBOT) -> Path:
+    """Return the file of the robot that is named, else of ``default``, and remember that nobody named that one.
+
+    Raises UnknownNameError.
+    """
+    if name is None:
+        _origin.set((default, f"the robot is '{default}', for no other was named: --robot NAME takes another"))
+    elif name == MINE:
+        from config.defaults import load_defaults  # noqa: PLC0415 - as above
+
+        if mine := load_defaults().robot:
+            take_default(mine)
+    return find("robots", name or default)
+
+
+def origin_note(text: str) -> str:
+    """Return where the robot came from, if ``text`` is about it and nobody named it; empty otherwise."""
+    robot, note = _origin.get()
+    return note if robot and (robot in text or "robot" in text) and note not in text else ""
