@@ -95,6 +95,7 @@ class Board:
         self._sent: dict[int, int] = {}  # the degrees that each servo was sent last, as far as that holds
         self._servos = 0  # how many it is to be known of
         self._met = False  # its servos were known once
+        self._unkept = False  # angles were sent since they were kept last
         self.began: Life | None = None
         """What the board had done when it was met first; None before that."""
 
@@ -221,6 +222,8 @@ class Board:
             if life is not None:
                 self._settle(life, session)
             rests = self._send(session, session.topic, self._devices)
+            if self._unkept:
+                self._remember()
             dozes = rests and session.vigil.asked_at is None and not session.later
             session.vigil.dozing = min(DOZE, self._absence.shortest / 3) if dozes else 0.0
         return session.vigil.dozing
@@ -232,7 +235,8 @@ class Board:
         self._link.write(wire.STOP_SENDING)
 
     def _remember(self) -> None:
-        """Keep where the servos are, also for after a `kill -9` of this program."""
+        """Keep where the servos are, also for after a `kill -9`. For the link's thread: a disk may be slow."""
+        self._unkept = False
         if self._remembered is not None:
             if len(self._sent) == self._servos:
                 self._remembered.keep(self._sent)
@@ -289,7 +293,7 @@ class Board:
         angles = [angle for device in devices for angle in device.due(now)]
         if angles:
             self._sent.update((angle.index, angle.angle) for angle in angles)
-            self._remember()
+            self._unkept = True
             session.vigil.sent(len(angles), now)
             self._write(topic, angles)
         return False

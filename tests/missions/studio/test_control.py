@@ -111,6 +111,22 @@ def test_a_client_that_reads_nothing_costs_the_others_nothing(run: Process) -> N
         assert ticks[-1] - ticks[0] >= 19
 
 
+@pytest.mark.real_time
+def test_a_paused_run_in_simulated_time_is_driven_by_states_that_come_all_the_same(run: Process) -> None:
+    with client_of(run) as client:
+        client.ask("pause")
+        assert client.ask("take", by="Ada")["result"] == {"yours": True}
+        answers = []
+        for _ in range(20):
+            answers.append(client.drive())
+            client.hear(lambda told: told["say"] == "state")
+            client.hear(lambda told: told["say"] == "state")
+        assert {answer.get("error") for answer in answers} == {None}
+        state = client.hear(lambda told: told["say"] == "state")
+        assert (state["paused"], state["driver"]) == (True, "Ada")
+        assert 0.0 <= state["round_trip"] < 0.5
+
+
 def test_what_is_no_command_is_answered_by_name_and_changes_nothing(run: Process) -> None:
     with client_of(run) as client:
         client.link.connection.sendall(b"nonsense\n")
