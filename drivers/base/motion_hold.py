@@ -25,12 +25,13 @@ class MotionHold:
     def __init__(self) -> None:
         self.fault: MotionFault | None = None
         self._held: dict[Source, float] = {}  # with the time of the last command
-        self._wanted = STILL
+        self.wanted = STILL
+        """What the held source wanted when the fault came."""
         self._faults: deque[float] = deque(maxlen=MAX_FAULTS)
 
     def begin(self, fault: MotionFault, source: Source | None, wanted: Velocity, now: float) -> str:
         """Hold ``source``, which ``wanted`` that; return why the base is to be latched, or nothing."""
-        self._wanted = wanted
+        self.wanted = wanted
         self._held = {} if source is None or source is Source.SAFETY else {source: now}
         self.fault = fault if self._held else None
         self._faults.append(now)
@@ -43,11 +44,15 @@ class MotionHold:
         """Take a command of a source; say whether it, or a person before it, is held."""
         if source not in self._held:
             return source is not Source.TELEOP and self.holder(now) is Source.TELEOP
-        if wanted == STILL or now - self._held[source] > LET_GO or _opposite(wanted, self._wanted):
+        if wanted == STILL or now - self._held[source] > LET_GO or _opposite(wanted, self.wanted):
             self.release(source)
             return False
         self._held[source] = now
         return True
+
+    def reason(self, source: Source | None) -> str:
+        """Return why a source is held; empty while it is not."""
+        return self.fault.reason if self.fault is not None and source in self._held else ""
 
     def release(self, source: Source | None) -> None:
         """Let a source command anew; all of them for None."""

@@ -202,3 +202,13 @@ def test_overcurrent_that_lasts_stops_a_base_whose_wheels_slip() -> None:
     bench = Bench(lambda wheels: BaseState(wheels.pose, wheels.velocity, overcurrent=Sides(right=True)))
     assert bench.time_to_fault(AHEAD) == pytest.approx(1.0, abs=0.1)
     assert "overcurrent on the right wheel" in bench.mux.steering.fault
+
+
+def test_a_person_may_drive_on_while_the_mission_is_held() -> None:
+    bench = Bench(nothing)
+    bench.time_to_fault(AHEAD)
+    assert bench.mux.steering.wanted == AHEAD
+    bench.report = odometry
+    bench.mux.steer(AHEAD, bench.now, bench.felt)  # the mission goes on commanding
+    assert not bench.drive(LEFT, 0.5, Source.TELEOP)
+    assert (bench.mux.steering.given, bench.mux.steering.fault) == (LEFT, "")
