@@ -11,6 +11,7 @@ import click
 from py_trees.common import Status
 
 from behaviours.leaf import Leaf
+from config.library import DEFAULT_ROBOT
 from config.units import written
 from drivers.api.quick import dataclass
 from missions.cli.leash import GONE, heeded, leashed
@@ -25,6 +26,7 @@ from missions.library.shipped import behaviour_files
 from missions.order import RunRequest
 from missions.runner import Runner, end_process
 from missions.studio.control import ControlSocket
+from missions.studio.holders import noted
 from missions.studio.pictures import Pictures
 
 if TYPE_CHECKING:
@@ -64,6 +66,21 @@ def run(
     ``last_words`` are said where a run that hangs for good ends the process. ``until`` is when a run in simulated time
     is ended at last, in seconds.
     """
+    with ExitStack() as loading:
+        with suppress(OSError):  # without any folder, its control socket tells what that means
+            loading.enter_context(noted(order.mission, order.robot or DEFAULT_ROBOT, order.simulation or ""))
+        return _run(order, outputs, out, last_words, until, loading)
+
+
+def _run(
+    order: RunRequest,
+    outputs: Outputs,
+    out: TextIO,
+    last_words: Callable[[Result], None],
+    until: float | None,
+    loading: ExitStack,
+) -> Result:
+    """Do what ``run`` does. A stop before its control socket is there ends the process, until ``loading`` is over."""
     _check(order, outputs, out, until)
     watcher = Watcher(out)
     shown: Watcher | LiveView = watcher
@@ -98,6 +115,7 @@ def run(
             closing.enter_context(outputs.announcer)
         with shown, leashed(outputs.leash, runner.executive, runner.stream), control:
             tell_unreachable(control)
+            loading.close()
             settle()
             result = runner.run()
     if result.reason != GONE:

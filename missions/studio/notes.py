@@ -167,10 +167,11 @@ class Notes:
     def close(self) -> None:
         """Remove them."""
         while self._files:
-            path, file = self._files.popitem()
+            path = next(iter(self._files))
             with suppress(OSError):  # the folder has become one that cannot be written: nobody holds it any more
-                path.unlink(missing_ok=True)
-            file.close()
+                if self._is_there(path):
+                    path.unlink(missing_ok=True)
+            self._files.pop(path).close()
 
 
 def read_note(path: Path) -> Holder | None:

@@ -46,9 +46,9 @@ class Found:
     @property
     def is_command(self) -> bool:
         """Whether it can only be ended."""
-        if self.holder is not None:
-            return not self.holder.is_run and not self.addresses
-        return self.by_name is not None and not self.by_name.is_run
+        if self.addresses or (self.holder is not None and self.holder.is_run):
+            return False
+        return self.holder is not None or (self.by_name is not None and not self.by_name.is_run)
 
     @property
     def key(self) -> object:

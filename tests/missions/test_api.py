@@ -17,11 +17,10 @@ from behaviours.robot import Robot
 from drivers.errors import BadRequest
 from missions.executive.events import CommandSent, Ended, Event, NodeChanged, Started, Ticked
 from missions.executive.executive import Result
-from missions.studio.searching import search
 from missions.testing.recorders import STOP, Bench
 from tests.missions.command import PATIENCE, command
 from tests.missions.lone_base import LONE_ROBOT, lone_base
-from tests.missions.studio.running import DRIVING, WAITING
+from tests.missions.studio.running import DRIVING, WAITING, found_of
 from tests.waiting import wait_until
 
 DRIVE = "mission: go\ntree:\n  drive: 2 m\n"
@@ -191,7 +190,7 @@ def test_a_run_is_stopped_by_mission_stop_also_beside_another_one(
         threads = [Thread(target=lambda work=work: found.append(work())) for work in works]
         for number, thread in enumerate(threads, 1):
             thread.start()
-            wait_until(lambda number=number: len(search().found) == number)  # type: ignore[misc]
+            wait_until(lambda number=number: len(found_of(os.getpid())) == number)  # type: ignore[misc]
         wait_until(lambda: base.seen().top > 0.1)
         stopped = command(capsys, "stop", "driving")
         assert f"{os.getpid()}: driving on turtlebot2: stopped (base" in stopped.out
@@ -201,7 +200,7 @@ def test_a_run_is_stopped_by_mission_stop_also_beside_another_one(
         for thread in threads:
             thread.join(PATIENCE)
     assert [result.result for result in found] == ["interrupted"] * 2
-    assert search().found == []
+    assert found_of(os.getpid()) == []
 
 
 def test_a_mission_ticked_by_hand_is_stopped_and_released_and_ended_by_mission_stop(
@@ -227,4 +226,4 @@ def test_a_mission_ticked_by_hand_is_stopped_and_released_and_ended_by_mission_s
         assert speed() > 0.05
         command(capsys, "stop", "--end")
         assert mission.tick() is not Status.RUNNING
-    assert search().found == []
+    assert found_of(os.getpid()) == []

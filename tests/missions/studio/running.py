@@ -12,6 +12,7 @@ import pytest
 from drivers.clock import SystemClock
 from missions.studio import sockets
 from missions.studio.places import SYSTEM_ROOT
+from missions.studio.searching import Found, search
 from missions.studio.sockets import RunLink
 from tests.missions.command import Process
 from tests.missions.lone_base import LONE_ROBOT, LoneBase, lone_base
@@ -41,6 +42,11 @@ class StampedLink(RunLink):
         """Read all that has come."""
         while b"\n" in self._heard or select([self.connection], [], [], 0.0)[0]:
             self.hear()
+
+
+def found_of(process: int) -> list[Found]:
+    """Return the runs and commands of a process that a stop would find; those of other tests may have left files."""
+    return [each for each in search().found if each.run.partition("-")[0] == str(process)]
 
 
 class Client:

@@ -14,7 +14,7 @@ from missions.studio import sockets
 from missions.studio.control import MOST_CLIENTS
 from missions.studio.messages import protocol
 from tests.missions.command import PATIENCE, Process, command
-from tests.missions.studio.running import DRIVING, REST, Client, run_of, seconds_to_rest, simulated_run
+from tests.missions.studio.running import DRIVING, REST, Client, found_of, run_of, seconds_to_rest, simulated_run
 from tests.waiting import wait_until
 
 
@@ -164,6 +164,19 @@ def test_mission_stop_stops_a_run_of_another_terminal(tmp_path: Path, capsys: py
         ended = command(capsys, "stop", "--end", str(process.process.pid))
         assert (ended.code, ended.out) == (0, f"{name}: stopped (base): is being ended\n")
         wait_until(lambda: process.process.poll() is not None)
+
+
+def test_a_run_that_still_loads_is_ended_before_it_has_begun(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "slow.py").write_text("import time\ntime.sleep(1000)\n", encoding="utf-8")
+    mission = tmp_path / "slow.yaml"
+    mission.write_text("mission: slow\ntree:\n  drive: 1 m\n", encoding="utf-8")
+    process = Process("run", str(mission), "--behaviours", str(tmp_path / "slow.py"))
+    wait_until(lambda: found_of(process.process.pid))
+    stopped = command(capsys, "stop", str(mission))
+    assert (stopped.code, "ended, with what it moved at rest" in stopped.out) == (0, True)
+    assert process.end() == -15
 
 
 def test_mission_stop_without_a_run_says_so(capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,7 +14,7 @@ from missions.studio import abstract, sockets
 from missions.studio.endpoint import CHECK_INTERVAL, LISTENER, Endpoint
 from missions.studio.messages import Run
 from missions.studio.places import places
-from missions.studio.searching import search
+from tests.missions.studio.running import found_of
 
 RUN = str(os.getpid())
 
@@ -28,11 +28,11 @@ def found() -> Iterator[Endpoint]:
     yield made
     made.close()
     selector.close()
-    assert search().found == []
+    assert found_of(os.getpid()) == []
 
 
 def addresses() -> list[str]:
-    (run,) = search().found
+    (run,) = found_of(os.getpid())
     return [str(each) for each in run.addresses]
 
 

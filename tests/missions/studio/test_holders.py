@@ -18,12 +18,12 @@ import pytest
 from missions.studio import abstract, holders, notes, sockets, stopping
 from missions.studio.abstract import AbstractName
 from missions.studio.hub import Hub
-from missions.studio.searching import is_own, search
+from missions.studio.searching import is_own
 from missions.studio.stopping import ask_all
 from tests.missions.command import Process, command
 from tests.missions.hands.teleop.test_teleop_command import driving
 from tests.missions.lone_limbs import LoneLimbs, lone_limbs
-from tests.missions.studio.running import REST, nowhere, run_of, seconds_to_rest
+from tests.missions.studio.running import REST, found_of, nowhere, run_of, seconds_to_rest
 from tests.waiting import wait_until
 
 HEAD = """robot: slow_head
@@ -183,7 +183,7 @@ def test_what_a_killed_command_has_left_is_taken_for_nobody() -> None:
     assert list(sockets.socket_folder().glob("*.note"))
     mine = sockets.socket_folder() / f"{os.getpid()}.note"
     mine.write_text(json.dumps({"name": "teleop", "robot": "turtlebot2", "simulated": ""}), encoding="utf-8")
-    assert search().found == []
+    assert found_of(os.getpid()) == []
     assert list(sockets.socket_folder().glob("*.note")) == []
 
 
@@ -226,5 +226,5 @@ def test_a_command_without_any_folder_is_ended_by_its_abstract_socket(
 
 def test_who_stops_all_others_does_not_end_itself() -> None:
     with holders.noted("teleop", "turtlebot2"):
-        assert [(each.run, is_own(each)) for each in search().found] == [(str(os.getpid()), True)]
+        assert [(each.run, is_own(each)) for each in found_of(os.getpid())] == [(str(os.getpid()), True)]
         assert ask_all([{"do": "stop"}], "a test") == {}

@@ -302,13 +302,16 @@ NEEDS_ROOT = {"runtime folder full", "state folder full", "another container", "
 
 @dataclass(frozen=True)
 class Combination:
-    """A start, what happens then, who stops; ``at_once`` before the run can notice what happens to its folders."""
+    """A start, what happens then, who stops; ``at_once`` before the run can notice what happens to its folders.
+
+    ``is_stopped`` is None where that may be or not, and is told as it is.
+    """
 
     start: str
     then: str
     stop: str
     at_once: bool = False
-    is_stopped: bool = True
+    is_stopped: bool | None = True
 
     @property
     def name(self) -> str:
@@ -327,7 +330,7 @@ COMBINATIONS = [
     Combination("a terminal", "nothing", "another container"),
     Combination("a terminal", "nothing", "another network"),
     Combination("a terminal", "nothing", "40 descriptors"),
-    Combination("a terminal", "nothing", "5 descriptors", is_stopped=False),
+    Combination("a terminal", "nothing", "5 descriptors", is_stopped=None),
     Combination("a terminal", "frozen", "cron", is_stopped=False),
     Combination("a terminal", "no descriptors", "the same terminal"),
     Combination("a terminal", "runtime emptied", "the same terminal", at_once=True),
@@ -417,5 +420,5 @@ def test_a_stop_that_is_told_has_happened(
     outcome = f"{'stopped' if rests else 'moves on'} | {'told so' if says_so else 'told: perhaps not'}"
     record_property("outcome", f"{combination.name} | {outcome} | {words.strip().splitlines()[:1]}")
     assert rests or not says_so, "a stop was told that has not happened"
-    assert (rests and says_so) == combination.is_stopped, words
+    assert combination.is_stopped in (None, rests and says_so), words
     assert says_so or "perhaps not" in words or "trouble" in words

@@ -25,10 +25,10 @@ from missions.studio.launch import Launcher
 from missions.studio.link import Link
 from missions.studio.messages import Runs
 from missions.studio.reader import Reader
-from missions.studio.searching import search
 from missions.studio.session import Session
 from missions.studio.studio import Studio
 from missions.studio.wishes import Start, Tasks
+from tests.missions.studio.running import found_of
 
 PATIENCE = 60.0
 
@@ -252,7 +252,7 @@ def test_the_socket_of_a_run_is_there_once_somebody_listens_and_not_before(monke
     monkeypatch.setattr(socket.socket, "listen", listening)
     with sockets.listen(path):
         assert (there, path.exists()) == ([False], True)
-        assert [each.addresses for each in search().found] == [(path,)]
+        assert [each.addresses for each in found_of(os.getpid())] == [(path,)]
     path.unlink()
 
 
