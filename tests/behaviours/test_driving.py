@@ -74,6 +74,28 @@ def test_a_latched_base_fails_it_with_the_reason(number: int) -> None:
     assert bench.base.commands[-1] == STOP
 
 
+@pytest.mark.parametrize("number", NUMBERS)
+def test_a_motion_fault_fails_it_with_the_cause_and_a_fresh_one_may_begin(number: int) -> None:
+    bench = Bench()
+    leaf = motions(bench)[number]
+    bench.tick(leaf)
+    because = "commanded 0.2 m/s for 1.0 s, encoders report 0 m: blocked or not connected"
+    bench.base.steers = Steering(Source.MISSION, Velocity(0.2, 0.0), STILL, because, because)
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == because
+    assert bench.base.commands[-1] == STOP
+    bench.base.steers = Steering(None, STILL, STILL)
+    assert bench.tick(leaf) is RUNNING
+
+
+def test_a_fault_of_a_persons_command_does_not_fail_a_mission() -> None:
+    bench = Bench()
+    leaf = motions(bench)[0]
+    bench.tick(leaf)
+    bench.base.steers = Steering(Source.TELEOP, Velocity(0.2, 0.0), STILL, "blocked", "blocked")
+    assert bench.tick(leaf) is RUNNING
+
+
 def test_a_drive_that_was_interrupted_goes_on_along_its_line_from_where_the_base_is_then() -> None:
     bench = Bench()
     leaf = bench.put(Drive("drive"), distance=1.0)

@@ -11,7 +11,7 @@ from behaviours.tracking.track import COAST
 from behaviours.tracking.track_face import TrackFace
 from config.controller import load_controller
 from config.library import shipped
-from drivers.api import COMMAND_LIFE, BaseState, HeadPose, Pose2D, Velocity
+from drivers.api import COMMAND_LIFE, STILL, BaseState, HeadPose, Pose2D, Source, Steering, Velocity
 from drivers.errors import DeviceFault
 from missions.testing.recorders import GONE, STOP, Bench, face, good, none, stale
 
@@ -274,3 +274,12 @@ def test_what_is_known_of_the_bases_lag_counts_before_what_the_mission_says(rule
         tracking(bench, rules, lag=0.3).initialise()
         assert bench.robot.lag.seconds == expected
         assert bench.robot.lag.acceleration == bench.base.limits.turn_acceleration
+
+
+def test_a_base_that_does_not_do_what_it_is_told_fails_it(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = tracking(bench, rules)
+    assert bench.tick(leaf) is RUNNING
+    bench.base.steers = Steering(Source.MISSION, Velocity(0.0, 0.5), STILL, "blocked", "blocked")
+    assert bench.tick(leaf) is FAILURE
+    assert leaf.reason == "blocked"
