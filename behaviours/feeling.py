@@ -11,7 +11,7 @@ SIDES = ("any", "left", "centre", "right")
 
 
 class Felt(Leaf):
-    """Judges the base's newest report; it fails while there is no fresh one."""
+    """Judges the base's newest report; suspended while there is no fresh one."""
 
     needs = frozenset({"base"})
     instant = True
@@ -19,7 +19,7 @@ class Felt(Leaf):
     def update(self) -> Status:
         reading = self.robot.base.state()
         if reading.value is None or not reading.good:
-            return self.fail("the base does not report")
+            return self.suspend("base")
         return self.judge(reading.value)
 
     @abstractmethod

@@ -34,6 +34,9 @@ class Foreign(Leaf):
     before its first tick              nothing                           ``setup`` of everything in it
     =================================  ================================  =======================================
 
+    A behaviour that raises ``drivers.errors.SensorSilent("the thermometer does not report")`` is suspended: py_trees
+    ticks it again at the next tick, and initialises it again unless it was running.
+
     A behaviour is made when the leaf starts for the first time, and kept; made afresh only where its arguments differ.
     Running, success and failure are its own.
     """
@@ -57,6 +60,7 @@ class Foreign(Leaf):
         """Tick it once, and take on its status and feedback."""
         if self.inner is None:
             return self.fail("it was not started")
+        self._raised = ()
         try:
             self.inner.tick_once()
         except BaseException as error:

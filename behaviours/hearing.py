@@ -79,7 +79,7 @@ class Heard(Listening):
     """Was something said just now?
 
     Succeeds when it was heard lately, fails when not. It never runs, so that a mission can do something else until
-    then.
+    then; it is suspended while there is no sound.
     """
 
     word = "heard"
@@ -92,4 +92,4 @@ class Heard(Listening):
         words = self.heard(-math.inf)
         if words is not None and words.stamp >= now - self.within:
             return self.hear(words)
-        return self.fail(self.deaf() or "not heard")
+        return self.suspend("microphone") if self.deaf() else self.fail("not heard")

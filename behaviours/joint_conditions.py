@@ -14,7 +14,8 @@ from drivers.api import Angle, JointState
 class JointAt(Leaf):
     """Is a joint at an angle?
 
-    Succeeds when it was measured there lately, fails when not. It never runs.
+    Succeeds when it was measured there lately, fails when not. It never runs; suspended while the joint does not
+    report.
     """
 
     word = "joint_at"
@@ -35,7 +36,7 @@ class JointAt(Leaf):
             return self.fail("; ".join(joint_violations))
         at = positions(self.robot.arm).get(self.joint)
         if at is None:
-            return self.fail(f"{self.joint} does not report")
+            return self.suspend(f"joint {self.joint}")
         self.feedback_message = f"{self.joint} is at {degrees(at)}"
         if abs(at - self.angle) > self.tolerance:
             return self.fail(self.feedback_message)
@@ -78,7 +79,7 @@ class _AnyJoint(Leaf):
             self.result = found
             return SUCCESS
         if silent := [name for name in names if name not in felt]:
-            return self.fail(f"{', '.join(silent)} {'does' if len(silent) == 1 else 'do'} not report")
+            return self.suspend(f"joint {silent[0]}")
         most = max(felt, key=lambda name: self.rank(felt[name]))
         return self.fail(f"{most} {self.shown(felt[most])}")
 

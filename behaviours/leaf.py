@@ -9,11 +9,13 @@ from py_trees.common import Status
 
 from behaviours.argument import REQUIRED, Argument, argument
 from behaviours.joint_ranges import JointRanges
+from behaviours.messages import error_text, message_of, shown
 from behaviours.robot import Robot
 from behaviours.run import log
 from behaviours.stopping import AT_REST, HALTING, STARTING, WORKING, Stopping
+from behaviours.suspension import lost_reason
 from drivers.api.renamed import told_renamed
-from drivers.errors import DriverError, NotConnected
+from drivers.errors import DriverError, NotConnected, SensorSilent
 
 # What a leaf is written with comes from one module.
 __all__ = ["FAILURE", "IDLE", "REQUIRED", "RUNNING", "SUCCESS", "Argument", "Leaf", "argument", "log"]
@@ -35,7 +37,11 @@ class Leaf(Stopping):
     ``open_ended`` leaf takes any names: their values come in ``values``.
 
     ``ends`` is how it can end, for the checker to see what is never reached; one that is ``instant`` never runs for
-    longer than a tick.
+    longer than a tick, but while it is suspended.
+
+    A leaf that cannot answer, only because a sensor has not reported, is *suspended*: it returns ``self.suspend("range
+    finder")``, or raises ``drivers.errors.SensorSilent``, which a plain py_trees behaviour can do as well. An
+    ``instant`` leaf that drives nothing is suspended by NotConnected, too; for others that is an ordinary wait.
 
     It implements py_trees' ``initialise``, ``update`` and ``terminate``: a leaf that moved something stops it in
     ``terminate`` unless it succeeded; of one without a ``terminate``, what it drives is stopped for it when it fails or
@@ -43,7 +49,7 @@ class Leaf(Stopping):
     ``terminate`` follows, whether it got to its end or not. Nothing in it may block or sleep.
     """
 
-    lasting_state = ("result", "_halt_by", "_leaf_stage")
+    lasting_state: ClassVar[tuple[str, ...]] = ("result", "_halt_by", "_leaf_stage")
     word: ClassVar[str] = ""
     needs: ClassVar[frozenset[str]] = frozenset()
     uses: ClassVar[frozenset[str]] = frozenset()
@@ -146,6 +152,24 @@ class Leaf(Stopping):
         self.feedback_message = reason
         return RUNNING
 
+    def suspend(self, sensor: str) -> Status:
+        """Wait for a sensor that has not reported: ``return self.suspend("range finder")``.
+
+        Fails once that has lasted for the sensor timeout of the robot file, tick after tick.
+        """
+        return self._suspend(f"the {sensor} does not report")
+
+    def _suspend(self, reason: str) -> Status:
+        self.suspension = self.suspended_for(reason)
+        if self.suspension.lost:
+            return self.fail(lost_reason(reason, self.run.sensor_timeout))
+        return self.wait(f"waiting: {reason}")
+
+    def on_standstill(self) -> Status:
+        if self._leaf_stage == HALTING:
+            self.halt()
+        return self.status
+
     def halt(self) -> bool:
         """Stop, if running: terminate once, then wait for ``halting`` to end, for ``halt_limit`` seconds at most."""
         if self.status is not RUNNING:
@@ -170,6 +194,7 @@ class Leaf(Stopping):
         run = self.run
         run.working = self
         self.visited = run.tick
+        before, self.suspension = self.suspension, None
         try:
             if self._leaf_stage == WORKING:
                 self.feedback_message = ""
@@ -187,16 +212,24 @@ class Leaf(Stopping):
             if self._since is None:
                 self._since = run.now()
         elif self._leaf_stage != AT_REST:
-            self._leaf_stage = AT_REST
-            if self._finishes or (self._prepares and status is FAILURE):
-                self._terminate(status)
-        if self.keep_as is not None and (status is SUCCESS or (status is RUNNING and self.result is not None)):
-            self._keep(self.keep_as)
+            self._finish(status)
+        if self.keep_as is not None:
+            self._keep(self.keep_as, status)
         run.working = None
+        if self.suspension is not before:
+            self.show_suspension(status, before)
         return status
 
-    def _keep(self, name: str) -> None:
-        """Store the result, with its dimension where it has one, and say so if it is a new one."""
+    def _finish(self, status: Status) -> None:
+        """Be at rest after an end: terminate, if the class has that to do."""
+        self._leaf_stage = AT_REST
+        if self._finishes or (self._prepares and status is FAILURE):
+            self._terminate(status)
+
+    def _keep(self, name: str, status: Status) -> None:
+        """Store the result, if there is one, with its dimension where it has one, and say so if it is a new one."""
+        if status is not SUCCESS and (status is not RUNNING or self.result is None):
+            return
         result = self.result if self.as_kept is None else self.as_kept(self.result)
         if self.scope.get(name) is not result or name not in self.scope:
             self.scope[name] = result
@@ -207,7 +240,10 @@ class Leaf(Stopping):
         if self._leaf_stage == HALTING and not self._come_to_rest():
             return self.wait("still stopping")
         if self.computed:
-            problem = self._fill_in()
+            try:
+                problem = self._fill_in()
+            except NotConnected as error:  # an argument asks for what is not reported just now
+                return self._suspend(message_of(error))
             if problem:
                 return self.fail(f"{self.place}: {problem}")
         self.result = self._since = None
@@ -223,9 +259,9 @@ class Leaf(Stopping):
     def _mended(self, status: Status) -> Status:
         """Return a failure for what is no status; put a text in the place of a reason that is none."""
         if status is RUNNING or status is SUCCESS or status is FAILURE:
-            self.feedback_message = _shown(self.feedback_message)
+            self.feedback_message = shown(self.feedback_message)
             return status
-        return self.fail(f"{self.place}: returned {_shown(status)} instead of a status")
+        return self.fail(f"{self.place}: returned {shown(status)} instead of a status")
 
     def _overstayed(self, seconds: float) -> Status:
         """Return a failure for a tick that was held for so long."""
@@ -234,15 +270,17 @@ class Leaf(Stopping):
 
     def _gone_wrong(self, error: BaseException) -> Status:
         """Return the status after an exception, with a reason; a Ctrl-C goes on to the user."""
+        if isinstance(error, SensorSilent) or (isinstance(error, NotConnected) and self.instant and not self.drives):
+            return self._suspend(message_of(error))
         if isinstance(error, NotConnected):
             # The transport is gone, and the driver is looking for it: wait for it, until our own timeout.
-            return self.wait(f"waiting: {_words(error)}")
+            return self.wait(f"waiting: {message_of(error)}")
         if isinstance(error, DriverError):
-            return self.fail(_words(error) or type(error).__name__)
+            return self.fail(message_of(error) or type(error).__name__)
         if self._interrupted(error):
             raise error
         log.error("%s raised", self.place, exc_info=error)
-        return self.fail(f"{self.place}: {_said(error)}")
+        return self.fail(f"{self.place}: {error_text(error)}")
 
     def _fill_in(self) -> str:
         """Compute the arguments that are known only now; return what is wrong with them."""
@@ -258,25 +296,3 @@ class Leaf(Stopping):
             for name, value in found.items():
                 setattr(self, self.arguments[name].attribute if name in self.arguments else name, value)
         return ""
-
-
-def _said(error: BaseException) -> str:
-    """Return an exception's type and words; the type alone where it has none, or cannot say them."""
-    words = _words(error)
-    return f"{type(error).__name__}: {words}" if words else type(error).__name__
-
-
-def _words(error: BaseException) -> str:
-    """Return an exception's words; none where it cannot say them, which may raise whatever there is."""
-    try:
-        return str(error)
-    except BaseException:  # as in Leaf.on_tick
-        return ""
-
-
-def _shown(value: object) -> str:
-    """Return what a leaf gave, whatever that is, for a message."""
-    try:
-        return repr(value)[:80]
-    except BaseException:  # as in _words
-        return f"a {type(value).__name__}"

@@ -14,6 +14,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from behaviours.run import Run
+from behaviours.suspension import Suspension
 
 RUNNING, IDLE = Status.RUNNING, Status.INVALID  # looked up once: that takes ten times as long as to compare them
 
@@ -23,7 +24,8 @@ class Node(Behaviour):
 
     ``key`` is its stable id within the tree ("1.2"), ``kind`` the word of the mission language, ``line`` where it
     stands in ``file``. ``scope`` holds the variables of its mission. ``feedback_message``, py_trees' own, is the
-    reason: why it failed, or what it waits for. ``visited`` is the tick in which it was ticked last.
+    reason: why it failed, or what it waits for. ``visited`` is the tick in which it was ticked last. ``suspension`` is
+    why it could not answer then, where only a silent sensor was the cause.
 
     Each class declares which attributes of its own decide what it does next: ``run_state`` while it runs, and
     ``lasting_state`` at any time. ``mission verify`` takes nodes that are equal in these for the same.
@@ -36,6 +38,8 @@ class Node(Behaviour):
     line = 0
     visited = -1
     file = ""
+    suspension: Suspension | None = None
+    _silent_since: float | None = None
     run: Run
     scope: dict[str, object]
 
@@ -43,6 +47,11 @@ class Node(Behaviour):
     def reason(self) -> str:
         """Why it failed, or what it is waiting for."""
         return self.feedback_message
+
+    @property
+    def suspended(self) -> bool:
+        """True while it runs only because a sensor has not reported."""
+        return self.status is RUNNING and self.suspension is not None
 
     @property
     def claims(self) -> frozenset[str]:
@@ -64,9 +73,41 @@ class Node(Behaviour):
         """Do one tick's work, for py_trees, whose own tick asks for it; ours does not."""
         return self.on_tick()
 
+    def stand_still(self) -> Status:
+        """Let time pass in place of a tick, and return the new status; for a node that runs."""
+        before = self.suspension
+        status = self.on_standstill()
+        if status is not self.status or (self.suspension is None) is not (before is None):
+            self.publish(status)
+        return status
+
+    def on_standstill(self) -> Status:
+        """Return the new status when only time has passed: deadlines count, nothing starts, no leaf is ticked."""
+        return self.status
+
+    def suspended_for(self, reason: str) -> Suspension:
+        """Return the suspension of this tick; it is lost once the node was suspended for the sensor timeout."""
+        now = self.run.now()
+        if self._silent_since is None:
+            self._silent_since = now
+        return Suspension(reason, lost=now - self._silent_since >= self.run.sensor_timeout)
+
+    def show_suspension(self, status: Status, before: Suspension | None) -> None:
+        """Tell whoever watches where it is suspended now, or no more. A new ``status`` is told by who has ticked it."""
+        if self.suspension is None:
+            self._silent_since = None
+        elif status is not RUNNING and not self.suspension.lost:  # it has an answer all the same
+            self.suspension = None
+        if status is RUNNING and self.status is RUNNING and (before is None or self.suspension is None):
+            self.publish(RUNNING)
+
     def publish(self, status: Status) -> None:
         """Take on a new status, and tell whoever watches."""
         self.status = status
+        if status is not RUNNING:
+            self._silent_since = None
+            if status is IDLE:
+                self.suspension = None
         run = self.run
         if run.observer is not None:
             run.observer.changed(run.clock.now(), run.tick, self, status, self.feedback_message)
@@ -87,6 +128,7 @@ class Node(Behaviour):
                 self.give_up()
             self.feedback_message = ""
             self.status = IDLE
+            self.suspension = self._silent_since = None
             forgotten.append(self)
 
     @abstractmethod

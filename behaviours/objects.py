@@ -13,7 +13,8 @@ _STORED = "the object: id, name, colour, shape, yaw, pitch, distance"
 class ObjectSeen(Seen[Thing]):
     """Is a coloured object in view?
 
-    `object_seen: red ball`. Succeeds when one was seen lately, fails when not. It never runs.
+    `object_seen: red ball`. Succeeds when one was seen lately, fails when not. It never runs. It is
+    suspended while no picture is new enough to tell.
     """
 
     word = "object_seen"

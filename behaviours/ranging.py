@@ -11,8 +11,8 @@ class ObstacleWithin(Leaf):
     """Does the range finder see something nearer than that?
 
     Succeeds when the newest turn of the finder has something within the distance, in a sector about straight ahead;
-    fails when not, and while there is no fresh one. It never runs. Distances are from the finder; what is lower than it
-    looks, it does not see.
+    fails when not. It never runs, and is suspended while there is no fresh turn. Distances are from the finder; what is
+    lower than it looks, it does not see.
     """
 
     word = "obstacle_within"
@@ -24,7 +24,7 @@ class ObstacleWithin(Leaf):
     def update(self) -> Status:
         reading = self.robot.ranger.scan()
         if reading.value is None or not reading.good:
-            return self.fail("the range finder does not report")
+            return self.suspend("range finder")
         nearest = reading.value.nearest(0.0, self.sector)
         self.feedback_message = f"{nearest:.2f} m away" if math.isfinite(nearest) else "nothing in sight"
         return SUCCESS if nearest <= self.distance else self.fail(self.feedback_message)

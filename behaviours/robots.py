@@ -14,7 +14,8 @@ _WHICH = "its marker's number, or its name; else any"
 class RobotSeen(Seen[Marker]):
     """Is another robot in view?
 
-    `robot_seen: 7` or `robot_seen: R2`. Succeeds when its marker was seen lately, fails when not. It never runs.
+    `robot_seen: 7` or `robot_seen: R2`. Succeeds when its marker was seen lately, fails when not. It never
+    runs; suspended while no picture is new enough to tell.
     """
 
     word = "robot_seen"

@@ -164,12 +164,13 @@ class Publish(Leaf):
 class Topic(Leaf):
     """Does a field of a topic's newest message say so?
 
-    Succeeds while it does, fails when not, and where no message is there, or none new enough. With no bounds it asks
-    whether the field is there and not false, zero or empty. It never runs.
+    Succeeds while it does, fails when not. With no bounds it asks whether the field is there and not false, zero or
+    empty. It never runs, and is suspended while no message is there, or none new enough.
     """
 
     word = "topic"
     needs = frozenset({"ros2"})
+    instant = True
     stores = "what the field says"
     topic: str = argument("text", "the topic", principal=True)
     field: str = argument("text", "the field, `pose.pose.position.x` or `ranges[0]`; else all of it", default="")
@@ -180,11 +181,8 @@ class Topic(Leaf):
 
     def update(self) -> Status:
         reading = self.robot.ros2.latest(self.topic)
-        if reading.value is None:
-            return self.fail(f"no message of {self.topic} yet")
-        age = self.run.now() - reading.stamp
-        if age > self.within:
-            return self.fail(f"the newest message of {self.topic} is {age:.1f} s old")
+        if reading.value is None or self.run.now() - reading.stamp > self.within:
+            return self.suspend(f"topic {self.topic}")
         try:
             value = picked(read(reading.value), self.field)
         except LookupError as error:

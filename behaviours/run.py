@@ -19,6 +19,9 @@ log = logging.getLogger("missiontree")
 BY_DEAD_RECKONING = "by dead reckoning: nothing measured how far the base went"
 """Reason of a motion that succeeded on a base that measures nothing, and of its run."""
 
+SENSOR_TIMEOUT = 5.0
+"""Seconds after which a node fails that waits for a sensor to report, unless the robot file says otherwise."""
+
 
 class Observer(Protocol):
     """Who is told of every new status, at once and within the tick: it must neither wait nor raise.
@@ -59,6 +62,7 @@ class Run:
     higher priority is about to drive an actuator. ``safe_stop`` brings the named actuators to rest when a leaf did not
     manage to in time. ``notify(text)`` tells somebody who is not there. ``wait(seconds)`` waits for so long or
     until woken, which it says: simulated time replaces it.
+    ``sensor_timeout`` is how long (s) a node may be suspended because a sensor has not reported.
     ``woken`` is set by whatever should not wait for the next scheduled tick. ``interruptible`` is true while a Ctrl-C
     comes as a KeyboardInterrupt.
 
@@ -91,6 +95,7 @@ class Run:
         self.stored = True
         self.reckoned = False
         self.held: float | None = None
+        self.sensor_timeout = SENSOR_TIMEOUT
 
     def now(self) -> float:
         """The time in seconds on the run's clock, for the thread that ticks; others ask the ``clock``."""

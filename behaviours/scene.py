@@ -9,8 +9,9 @@ from perception.api import Scene
 
 
 class _OfPicture(Leaf):
-    """Waits for a picture that is new enough, and judges it."""
+    """Judges the newest picture; suspended until there is one that is new enough."""
 
+    instant = True
     needs = frozenset({"camera"})
     senses = frozenset()
     within: float
@@ -19,7 +20,7 @@ class _OfPicture(Leaf):
         scene = self.robot.sight.scene()
         oldest = self.run.now() - max(self.within, self.elapsed)
         if scene is None or scene.stamp < oldest:
-            return self.wait("waiting for a picture from the camera")
+            return self.suspend("camera")
         return self.judge(scene)
 
     @abstractmethod
@@ -30,8 +31,8 @@ class _OfPicture(Leaf):
 class SceneUniform(_OfPicture):
     """Does the camera show nothing but one even surface: a blank wall, or a covered lens?
 
-    Succeeds when the newest picture has no edges, fails when it has. Running only until there is a picture that is
-    new enough.
+    Succeeds when the newest picture has no edges, fails when it has. It never runs, and is suspended until there is a
+    picture that is new enough.
     """
 
     word = "scene_uniform"
@@ -52,8 +53,8 @@ class SceneUniform(_OfPicture):
 class Dark(_OfPicture):
     """Is it dark?
 
-    Succeeds when the newest picture is darker than that, as a whole, fails when not. Running only until there is a
-    picture that is new enough.
+    Succeeds when the newest picture is darker than that, as a whole, fails when not. It never runs, and is suspended
+    until there is a picture that is new enough.
     """
 
     word = "dark"
@@ -72,8 +73,8 @@ class MotionSeen(_OfPicture):
     """Does something move?
 
     Succeeds when that share of the newest picture has changed since the one before, fails when not. That the camera
-    turns is taken off, but for a rest of 1 %: ask for `2 %` while the robot moves. Running only until there is a
-    picture that is new enough.
+    turns is taken off, but for a rest of 1 %: ask for `2 %` while the robot moves. It never runs, and is suspended
+    until there is a picture that is new enough.
     """
 
     word = "motion_seen"

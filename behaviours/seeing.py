@@ -54,6 +54,13 @@ class Seeing(Leaf, Generic[P]):
         blind = looked is None or self.run.now() - looked > BLIND
         return "no pictures from the camera" if blind else so_far or f"no {self.noun} in view"
 
+    def absent(self, reason: str = "") -> Status:
+        """Fail because none is in view; suspended instead where no picture is new enough to tell."""
+        looked = self.robot.sight.looked()
+        if looked is None or self.run.now() - looked > max(self.age_limit, LATELY):
+            return self.suspend("camera")
+        return self.fail(reason or self.nobody())
+
     def see(self, percept: P) -> Status:
         """Succeed with ``percept``."""
         self.result = percept
@@ -61,10 +68,10 @@ class Seeing(Leaf, Generic[P]):
 
 
 class Seen(Seeing[P]):
-    """Succeeds with the largest that was seen lately, fails when there is none. It never runs."""
+    """Succeeds with the largest that was seen lately, fails when there is none; suspended without pictures."""
 
     instant = True
 
     def update(self) -> Status:
         found = self.fresh()
-        return self.see(found) if found is not None else self.fail(self.nobody())
+        return self.see(found) if found is not None else self.absent()

@@ -104,7 +104,7 @@ class Faces(Seeing[Face]):
 class FaceSeen(Faces):
     """Is a face in view?
 
-    Succeeds when one was seen lately, fails when not. It never runs.
+    Succeeds when one was seen lately, fails when not. It never runs; suspended while no picture is new enough to tell.
     """
 
     word = "face_seen"
@@ -123,13 +123,14 @@ class FaceSeen(Faces):
 
     def update(self) -> Status:
         found = self.fresh()
-        return self.see(found) if found is not None else self.fail(self.nobody())
+        return self.see(found) if found is not None else self.absent()
 
 
 class FacesAtLeast(Faces):
     """Are several faces in view?
 
-    Succeeds when so many were seen lately, fails when not. It never runs.
+    Succeeds when so many were seen lately, fails when not. It never runs; suspended while no picture is new enough to
+    tell.
     """
 
     word = "faces_at_least"
@@ -148,14 +149,14 @@ class FacesAtLeast(Faces):
         if len(faces) >= self.number:
             self.result = faces
             return SUCCESS
-        return self.fail(f"{len(faces)} of {self.number} faces in view" if faces else self.nobody())
+        return self.absent(f"{len(faces)} of {self.number} faces in view" if faces else "")
 
 
 class FaceCentred(Faces):
     """Is the face in the middle of the picture?
 
     Succeeds when the largest face, or the one that is named, is within that angle of the camera's axis, fails when
-    not. It never runs.
+    not. It never runs; suspended while no picture is new enough to tell.
     """
 
     word = "face_centred"
@@ -177,7 +178,7 @@ class FaceCentred(Faces):
     def update(self) -> Status:
         face = self.fresh()
         if face is None:
-            return self.fail(self.nobody())
+            return self.absent()
         if max(abs(face.bearing), abs(face.elevation)) <= self.within:
             return self.see(face)
         return self.fail(f"the face is {math.degrees(face.bearing):+.0f}, {math.degrees(face.elevation):+.0f} deg off")

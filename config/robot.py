@@ -37,6 +37,13 @@ class RobotKeys:
     robot: str = key(help="What the robot is called.")
     summary: str = key(default="", help="What it is, in a line.")
     rate: float = key("frequency", default=20.0, low=1.0, high=200.0, help="How often its missions are ticked at most.")
+    sensor_timeout: float = key(
+        "duration",
+        default=5.0,
+        low=0.5,
+        high=600.0,
+        help="How long a mission waits for a sensor that does not report; then what depends on it fails.",
+    )
     notices: tuple[Way, ...] = key(default=(), help="Where it tells how tasks went, each a word or a section.")
 
 
@@ -61,8 +68,8 @@ class Section:
 class RobotConfig:
     """A whole robot. ``rate`` is the ceiling of ticks per second; ``notices`` say where it is told how tasks went.
 
-    ``sections`` are its parts by name: their kind, or a name of its own for one more of a kind. The properties are the
-    keys that every driver of a kind has.
+    ``sensor_timeout`` (s) is how long a node may be suspended. ``sections`` are its parts by name: their kind, or a
+    name of its own for one more of a kind. The properties are the keys that every driver of a kind has.
     """
 
     name: str
@@ -71,6 +78,7 @@ class RobotConfig:
     sections: Mapping[str, Section] = field(default_factory=dict)
     notices: tuple[NoticeConfig, ...] = ()
     path: Path | None = field(default=None, compare=False)
+    sensor_timeout: float = 5.0
 
     @property
     def parts(self) -> frozenset[str]:
@@ -162,7 +170,8 @@ def robot_of(source: Source, drivers: Drivers, path: Path | None = None) -> Robo
     told = read_keys(fields, RobotKeys)
     if fields.faults:
         raise InvalidFileError(fields.faults)
-    return RobotConfig(told.robot, told.summary, told.rate, sections, tuple(map(way, told.notices)), path)
+    notices = tuple(map(way, told.notices))
+    return RobotConfig(told.robot, told.summary, told.rate, sections, notices, path, told.sensor_timeout)
 
 
 def _driver_alone(fields: Fields, name: str, kind: Kind, drivers: Drivers) -> str:

@@ -4,6 +4,7 @@
 
     DriverError
     |-- NotConnected   the port is absent, busy or gone: the driver reconnects, the mission waits
+    |   `-- SensorSilent   a sensor has not reported: what depends on it is suspended
     |-- NoReply        nothing, or nonsense, came back after the retries
     |-- DeviceFault    the device works but complains: overload, heat, voltage
     `-- BadRequest     the caller asked for what the device cannot do
@@ -20,6 +21,10 @@ class DriverError(Exception):
 
 class NotConnected(DriverError, ConnectionError):
     """The port is absent, held by someone else, not permitted, or has gone away."""
+
+
+class SensorSilent(NotConnected):
+    """A sensor has not reported lately: "the range finder does not report"."""
 
 
 class NoReply(DriverError, TimeoutError):

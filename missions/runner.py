@@ -88,6 +88,7 @@ class Runner:
         self._give_up = give_up
         self.twins: Twins | None = None
         self._context, self._robot = self._simulated(order) if order.simulation == "fast" else self._real(order)
+        self._context.sensor_timeout = self.config.sensor_timeout
         self._context.safe_stop = self._robot.safe_stop
         self.watchdog = self._watchdog(PATIENT if limits is None and order.simulation == "fast" else limits)
         robot = self._robot

@@ -69,7 +69,7 @@ FAULTS = (
     Planted(
         "a driver's error swallowed",
         LEAF,
-        "return self.fail(_words(error) or type(error).__name__)",
+        "return self.fail(message_of(error) or type(error).__name__)",
         "return SUCCESS",
     ),
     Planted(

@@ -21,6 +21,7 @@ from missions.executive.events import (
     Started,
     Ticked,
 )
+from missions.views.pictures.drawing import ACTIVE
 from missions.views.printable import printable, terminal
 
 if TYPE_CHECKING:
@@ -145,8 +146,8 @@ class Watcher:
 
     def _node(self, event: NodeChanged) -> None:
         """Show a behaviour that has done something: one that ran for a while, and has ended."""
-        if event.status == "running":
-            self._started[event.node] = event.t
+        if event.status in ACTIVE:
+            self._started.setdefault(event.node, event.t)
             return
         began = self._started.pop(event.node, None)
         if began is None or event.node not in self._leaves:

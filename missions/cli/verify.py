@@ -15,6 +15,7 @@ from missions.cli.names import MISSION
 from missions.cli.numbers import Whole
 from missions.cli.options import SECONDS, behaviours_option, files_of, leaves_for, params_option
 from missions.cli.usual_robot import load_for, robot_option, robots_for
+from missions.library.drivers import load_robot
 from missions.library.shipped import shipped_missions
 from missions.testing.verify.verdicts import PROVED, Report
 from missions.testing.verify.verify import BOUND, LIMIT, verify
@@ -84,11 +85,12 @@ def _verified(
 ) -> Report | None:
     """Verify one mission; None, and its mistakes on stderr, where it cannot be read."""
     try:
-        plan, _ = load_for(name, params, robots, leaves(name))
+        plan, able = load_for(name, params, robots, leaves(name))
     except InvalidFileError as error:
         click.echo(str(error), err=True)
     except UnknownNameError as error:
         click.echo(f"mission: {error}", err=True)
     else:
-        return verify(plan, SystemClock(), bound=bound, limit=limit)
+        seconds = load_robot(able).sensor_timeout
+        return verify(plan, SystemClock(), bound=bound, limit=limit, sensor_timeout=seconds)
     return None

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from py_trees.common import Status
 
+from behaviours.node import Node
 from drivers.api.quick import dataclass
 
 STATUS_WORDS = {
@@ -15,6 +16,14 @@ STATUS_WORDS = {
     Status.INVALID: "idle",
 }
 """How a status is written in events, tests and pictures."""
+
+SUSPENDED = "suspended"
+"""How the status is written of a node that runs only because a sensor has not reported."""
+
+
+def status_word(node: Node) -> str:
+    """Return how the status of a node is written now."""
+    return SUSPENDED if node.suspended else STATUS_WORDS[node.status]
 
 
 @dataclass(slots=True)

@@ -12,7 +12,7 @@ from behaviours.run import BY_DEAD_RECKONING, Run
 from drivers.api.kinds import SOUNDING
 from drivers.api.quick import dataclass
 from missions.executive.answers import Answers
-from missions.executive.events import STATUS_WORDS, Ended, Notified, Started, Ticked
+from missions.executive.events import Ended, Notified, Started, Ticked, status_word
 from missions.executive.frozen_tick import Changes, FrozenTick, OnMoment
 from missions.executive.guard import Guard
 from missions.executive.stream import Stream
@@ -196,7 +196,7 @@ class Executive:
             self._frozen_tick.end("tick", late)
         if self.stream.wanted:
             told = late if late > self._period else None
-            self.stream.emit(Ticked(self.time(), self.run.tick, STATUS_WORDS[status], told))
+            self.stream.emit(Ticked(self.time(), self.run.tick, status_word(self.root), told))
         self.run.beat()
         if self._after_tick is not None:
             self._after_tick()

@@ -56,7 +56,15 @@ class ForEach(Parent, Decorator):
             if self._place == 0 and self.setting.count == 0:
                 return SUCCESS
             self._take()
-        status = self.child.execute_tick()
+        return self._after(self.child.execute_tick())
+
+    def member_ended(self, member: Node, status: Status) -> Status:
+        del member
+        return self._after(status)
+
+    def _after(self, status: Status) -> Status:
+        """Return the status of this node after one of the child."""
+        self.suspension = self.child.suspension
         if status is FAILURE:
             self.feedback_message = f"{self.kind} {self._said()}: {self.child.feedback_message}"
         if status is not SUCCESS:

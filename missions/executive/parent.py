@@ -6,7 +6,8 @@ from typing import ClassVar, Self
 
 from py_trees.common import Status
 
-from behaviours.node import Node
+from behaviours.node import Node, reset_all
+from behaviours.suspension import Suspension, lost_reason
 from drivers.errors import NotConnected
 from missions.language.expressions import ExpressionError
 from missions.language.plan import Step
@@ -19,12 +20,16 @@ class Parent(Node):
 
     ``ending`` is the result that will stand once every member that still runs has been halted; IDLE when it was this
     node that was told to halt. ``unstarted`` is whether its start waits for a part of the robot to report.
+
+    It is suspended where an expression of its own asks for what is not reported just now, and where its answer is that
+    of a suspended member. In the first case it stands still, and fails after the sensor timeout.
     """
 
-    lasting_state: ClassVar[tuple[str, ...]] = ("ending", "unstarted")
+    lasting_state: ClassVar[tuple[str, ...]] = ("ending", "unstarted", "_ending_for", "_silent_since")
     members: tuple[Node, ...] = ()
     ending: Status | None = None
     unstarted = False
+    _ending_for: Suspension | None = None  # the suspension by which it ends
 
     @classmethod
     @abstractmethod
@@ -39,26 +44,75 @@ class Parent(Node):
         self.visited = self.run.tick
         afresh = self.unstarted or self.status is not RUNNING
         if self.ending is not None:
+            self.suspension = self._ending_for
             status = self.end(self.ending)
             if status is not IDLE:
                 return status
             afresh = True
+        before, self.suspension = self.suspension, None
+        if before is not None:
+            self.feedback_message = ""
         try:
-            if afresh:
-                self.feedback_message = ""
-                self.unstarted = True
-                problem = self.on_start()
-                self.unstarted = False
-                if problem:
-                    self.feedback_message = problem
-                    return FAILURE
-            return self.on_running()
+            status = self._start_and_run() if afresh else self.on_running()
+            self._silent_since = None
         except NotConnected as error:  # what an expression asks for is not reported just now
-            self.feedback_message = f"waiting: {error}"
-            return RUNNING
+            status = self._suspend(str(error))
         except ExpressionError as error:
             self.feedback_message = f"{self.kind}: {error}"
+            status = self.end(FAILURE)
+        if self.suspension is not before:
+            self.show_suspension(status, before)
+        return status
+
+    def _start_and_run(self) -> Status:
+        self.feedback_message = ""
+        self.unstarted = True
+        problem = self.on_start()
+        self.unstarted = False
+        if problem:
+            self.feedback_message = problem
+            return FAILURE
+        return self.on_running()
+
+    def _suspend(self, reason: str) -> Status:
+        """Stand still for a sensor that has not reported; fail once that lasts too long."""
+        self.suspension = self.suspended_for(reason)
+        if self.suspension.lost:
+            self.feedback_message = lost_reason(reason, self.run.sensor_timeout)
             return self.end(FAILURE)
+        self.feedback_message = f"waiting: {reason}"
+        if self.unstarted:
+            return RUNNING
+        return self.members_stand_still()
+
+    def on_standstill(self) -> Status:
+        """Bring to an end what was ending, else let time pass for the members that run."""
+        if self.ending is not None:
+            self.suspension = self._ending_for
+            status = self.end(self.ending)
+            if status is not IDLE:
+                return status
+            self.unstarted = True
+        if self.unstarted:
+            return RUNNING
+        try:
+            return self.members_stand_still()
+        except NotConnected:  # asked by a member that has ended, and again at the next tick
+            return RUNNING
+
+    def members_stand_still(self) -> Status:
+        """Let time pass for the members that run, and return the status that this node has then."""
+        for member in self.members:
+            if member.status is RUNNING:
+                status = member.stand_still()
+                if status is not RUNNING and status is not IDLE:
+                    return self.member_ended(member, status)
+        return RUNNING
+
+    def member_ended(self, member: Node, status: Status) -> Status:
+        """Return the status of this node after a member has ended while it stood still. Nothing may be started."""
+        self.feedback_message, self.suspension = member.feedback_message, member.suspension
+        return status
 
     def on_start(self) -> str:
         """Forget an earlier run; return why it cannot start, or nothing."""
@@ -75,11 +129,13 @@ class Parent(Node):
             if member.status is RUNNING:
                 at_rest &= member.halt()
         self.ending = None if at_rest else status
+        self._ending_for = None if at_rest else self.suspension
         return status if at_rest else RUNNING
 
     def blame(self, member: Node) -> Status:
         """Return a failure, for the reason that ``member`` gives."""
         self.feedback_message = member.feedback_message
+        self.suspension = member.suspension
         return FAILURE
 
     def halt(self) -> bool:
@@ -101,3 +157,30 @@ class Parent(Node):
     def give_up(self) -> None:
         """Forget an end that was under way."""
         self.ending = None
+
+
+class Composite(Parent):
+    """What all composites share: they forget their children's results when they start."""
+
+    @classmethod
+    def of(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
+        del inner
+        composite = cls(step.name)
+        adopt(composite, children)
+        return composite
+
+    def on_start(self) -> str:
+        reset_all(self.members)
+        self.begin()
+        return ""
+
+    def begin(self) -> None:
+        """Forget where an earlier run of it was."""
+
+
+def adopt(parent: Composite, children: Sequence[Node]) -> None:
+    """Give ``parent`` its children, in py_trees' list and in the tuple that the tick walks."""
+    for child in children:
+        child.parent = parent
+    parent.children = list(children)
+    parent.members = tuple(children)

@@ -1,7 +1,7 @@
 """The robot's state as expressions read it: ``battery.percent``, ``face.seen``, ``base.bumper``.
 
 What nobody sees is None, so that a comparison with it fails with a reason instead of being true by chance. A part that
-does not report raises NotConnected, so that whatever asks waits for it.
+does not report raises SensorSilent, so that whatever asks is suspended.
 """
 
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from behaviours.robot import Robot
 from drivers.api import BaseState, HeadPose, RangeScan, Reading
 from drivers.api.quick import dataclass
 from drivers.clock import Clock
-from drivers.errors import NotConnected
+from drivers.errors import SensorSilent
 from missions.executive.guard import BatteryWatch, Guard
 from missions.language.values import Value
 from perception.api import Face
@@ -70,8 +70,12 @@ class FaceState:
 
     def _fresh(self) -> list[Face]:
         sight = self.robot.sight_part
-        oldest = self.clock.now() - FRESH
-        return [] if sight is None else [face for face in sight.faces() if face.stamp >= oldest]
+        if sight is None:
+            return []
+        faces, looked, oldest = sight.faces(), sight.looked(), self.clock.now() - FRESH
+        if looked is None or looked < oldest:
+            raise SensorSilent("the camera does not report")
+        return [face for face in faces if face.stamp >= oldest]
 
     @property
     def _face(self) -> Face | None:
@@ -224,9 +228,9 @@ class RangeState:
 
 
 def fresh(reading: Reading[T], part: str) -> T:
-    """Return what was measured lately. Raises NotConnected where nothing was."""
+    """Return what was measured lately. Raises SensorSilent where nothing was."""
     if reading.value is None or not reading.good:
-        raise NotConnected(f"the {part} does not report")
+        raise SensorSilent(f"the {part} does not report")
     return reading.value
 
 
@@ -249,7 +253,7 @@ PLACE = frozenset({"base.x", "base.y", "base.heading"})
 
 
 def unmeasured(condition: Value, scope: Mapping[str, object]) -> str:
-    """Say what in a condition nothing measures, or nothing. Raises NotConnected while the base does not report."""
+    """Say what in a condition nothing measures, or nothing. Raises SensorSilent while the base does not report."""
     reads = () if condition.template is None else condition.template.reads
     place = next((read.dotted for read in reads if read.dotted in PLACE), "")
     base = scope.get("base")

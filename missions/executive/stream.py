@@ -9,11 +9,11 @@ from threading import Thread
 from py_trees.common import Status
 
 from behaviours.node import Node
-from missions.executive.events import STATUS_WORDS, Event, NodeChanged, Ticked
+from missions.executive.events import Event, NodeChanged, Ticked, status_word
 
 Listener = Callable[[Event], None]
 
-Change = tuple[float, int, Node, Status, str]
+Change = tuple[float, int, Node, str, str]
 """A node's new status as the tick keeps it: when, in which tick, which node, its status then, and its reason then."""
 
 Reset = tuple[float, int, Sequence[Node]]
@@ -88,11 +88,13 @@ class Stream:
 
     def changed(self, time: float, tick: int, node: Node, status: Status, reason: str) -> None:
         """Tell all listeners of a node's new status, with the next event; returns at once and never raises."""
+        del status
+        word = status_word(node)
         if self._thread is not None and len(self._waiting) < MOST_WAITING:  # as ``_keep`` does, without the call
-            self._waiting.append((time, tick, node, status, reason))
+            self._waiting.append((time, tick, node, word, reason))
             self._changed = True
         else:
-            self._keep((time, tick, node, status, reason))
+            self._keep((time, tick, node, word, reason))
 
     def forgot(self, time: float, tick: int, nodes: Sequence[Node]) -> None:
         """Tell all listeners of nodes that were reset, with the next event; returns at once and never raises."""
@@ -138,8 +140,8 @@ def _events(told: Event | Change | Reset) -> Iterator[Event]:
     match told:
         case Event():
             yield told
-        case time, tick, node, status, reason:
-            yield _node_changed(time, tick, node, STATUS_WORDS[status], reason)
+        case time, tick, node, word, reason:
+            yield _node_changed(time, tick, node, word, reason)
         case time, tick, nodes:
             for node in nodes:
                 yield _node_changed(time, tick, node, "idle", "")

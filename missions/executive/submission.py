@@ -61,11 +61,15 @@ class Submission(Parent, Decorator):
         (child,) = self.members
         # One that has ended may wait for what it returns to be reported.
         status = child.execute_tick() if child.status in (RUNNING, IDLE) else child.status
+        return self.member_ended(child, status)
+
+    def member_ended(self, member: Node, status: Status) -> Status:
         if status is RUNNING:
-            return status
+            self.suspension = member.suspension
+            return RUNNING
         problem = self._hand_back(waits=status is SUCCESS)
         if status is FAILURE:
-            return self.blame(child)
+            return self.blame(member)
         if problem:
             self.feedback_message = f"returns: {problem}"
             return FAILURE

@@ -8,8 +8,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from behaviours.node import Node
-from missions.executive.composites import Composite, adopt
-from missions.executive.parent import FAILURE, RUNNING
+from missions.executive.parent import FAILURE, RUNNING, Composite, adopt
 from missions.language.expressions import ExpressionError
 from missions.language.nodes import REACTIVE_SWITCH, SWITCH
 from missions.language.plan import Step
@@ -50,6 +49,7 @@ class Switch(Composite, composites.Selector):
         """Tick the child that was chosen."""
         self.current_child = child
         status = child.execute_tick()
+        self.suspension = child.suspension
         return self.blame(child) if status is FAILURE else status
 
     def ask(self) -> Node | None:

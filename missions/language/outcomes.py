@@ -2,6 +2,7 @@
 
 from missions.language.counts import FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL, decision
 from missions.language.for_each import Members
+from missions.language.kinds import STATE
 from missions.language.nodes import BOTH, COMPOSITES, FAILURE, FOR_EACH, MISSION, MODIFIERS, SUCCESS, SWITCHES, Ends
 from missions.language.notes import Notes
 from missions.language.plan import UNKNOWN, Step
@@ -30,8 +31,8 @@ def check_outcomes(notes: Notes, tree: Step) -> None:
 def _unreached(notes: Notes, step: Step, passes: str) -> None:
     for child, after in zip(step.children, step.children[1:], strict=False):
         if passes not in ends(child):
-            what = f"'{child.name}' (line {_inner(child).mark.line}) never {VERBS[passes]}"
-            notes.fault_at(_inner(after), f"'{after.name}' is never reached: {what}")
+            what = f"'{child.name}' (line {innermost(child).mark.line}) never {VERBS[passes]}"
+            notes.fault_at(innermost(after), f"'{after.name}' is never reached: {what}")
             return
 
 
@@ -52,7 +53,7 @@ def _counted(notes: Notes, step: Step) -> None:
         notes.fault_at(step, f"'{FAILURE_COUNT}: {decided.failures}' cannot matter: only {fail} {of} can fail")
     endless = next((child for child, each in zip(step.children, below, strict=True) if not each), None)
     if decided.waits and endless is not None:
-        what = f"'{endless.name}' (line {_inner(endless).mark.line}) never does"
+        what = f"'{endless.name}' (line {innermost(endless).mark.line}) never does"
         notes.fault_at(step, f"with '{WAIT_FOR_ALL}' it ends when all have, and {what}")
     elif decided.waits and not fail and decided.successes == len(below):
         notes.fault_at(step, f"'{WAIT_FOR_ALL}' cannot matter: none {of} can fail, so all are waited for anyway")
@@ -81,13 +82,23 @@ def _pointless(notes: Notes, step: Step, child: Step) -> None:
     occasion, leaf = MODIFIERS[step.kind].occasion, child.leaf
     if step.arguments["value"] is UNREAD:
         return
-    if step.kind in ("timeout", "on_running") and leaf is not None and leaf.instant:
+    if (
+        leaf is not None
+        and leaf.instant
+        and (step.kind == "on_running" or (step.kind == "timeout" and not _waits(child)))
+    ):
         notes.fault_at(step, f"'{step.kind}' cannot matter here: '{child.kind}' ends at once")
     elif occasion and occasion not in ends(child):
         said = f"'{step.kind}' cannot matter here: '{child.name}' never {VERBS[occasion]}"
         notes.fault_at(step, said, _order(step, child, occasion))
     elif step.kind == "timeout":
         _too_late(notes, step, child)
+
+
+def _waits(step: Step) -> bool:
+    """Say whether a leaf that ends at once may be suspended: it asks a sensor, or its arguments do."""
+    reads = (read for value in step.arguments.values() if value.template is not None for read in value.template.reads)
+    return step.leaf is not None and (bool(step.leaf.needs) or any(read.name in STATE for read in reads))
 
 
 def _order(step: Step, child: Step, end: str) -> str:
@@ -108,11 +119,11 @@ def _too_late(notes: Notes, step: Step, child: Step) -> None:
         if child.kind == "delay" and isinstance(wait, float) and isinstance(limit, float) and wait >= limit:
             what = f"the 'delay' of {child.text} goes on for longer than the 'timeout' of {step.text} around it"
             hint = f"the order is the cause: write 'timeout' above 'delay' (line {child.mark.line})"
-            notes.fault_at(_inner(child), f"'{child.name}' is never reached: {what}", hint)
+            notes.fault_at(innermost(child), f"'{child.name}' is never reached: {what}", hint)
         child = child.children[0]
 
 
-def _inner(step: Step) -> Step:
+def innermost(step: Step) -> Step:
     """Return the behaviour itself inside its modifiers: where a person looks for it."""
     while len(step.children) == 1 and step.leaf is None and step.kind != MISSION and "value" in step.arguments:
         step = step.children[0]

@@ -26,6 +26,7 @@ from missions.studio.commands import Command
 from missions.studio.form import BadMessage
 from missions.studio.outlet import UNWRITTEN
 from missions.studio.ring import records_in, shown_folder
+from missions.views.pictures.drawing import ACTIVE
 from missions.views.pictures.tree_json import to_json
 
 if TYPE_CHECKING:  # it needs mcap
@@ -216,8 +217,8 @@ class _Gathered:
                     self._failures += [t] if told["status"] == "failure" else []
                 elif topic == "/feedback":
                     lane = self._lanes.setdefault(told["node"], [])
-                    if not lane or lane[-1][1] == "running":
-                        lane.append([t, "running", told["reason"]])
+                    if not lane or lane[-1][1] in ACTIVE:
+                        lane.append([t, lane[-1][1] if lane else "running", told["reason"]])
                 elif topic == "/state/base":
                     self._trail += place_in(told)
                 elif (event := piece.event(topic, told)) is not None and not isinstance(event, UNWRITTEN):

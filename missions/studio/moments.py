@@ -15,6 +15,7 @@ from missions.studio.looking_back import Opened, messages, path_of, place_in
 from missions.studio.outlet import MOST_POINTS
 from missions.studio.pictures import found_in
 from missions.studio.wishes import Moment
+from missions.views.pictures.drawing import ACTIVE
 from missions.views.words import in_words
 from perception.api import View
 
@@ -58,7 +59,7 @@ def moment(command: Command) -> Json:
                 variables[f"{event.scope} {event.name}".lstrip()] = value
             elif topic == "/nodes":
                 changed[told["node"]] = [told["status"], told["reason"], told["t"]]
-            elif changed.get(told["node"], [""])[0] == "running":
+            elif changed.get(told["node"], [""])[0] in ACTIVE:
                 changed[told["node"]][1] = told["reason"]
         now: dict[str, Any] = {topic: message_in(data) for topic, data in newest.items()}
         percept = now.get("/percepts")

@@ -22,6 +22,7 @@ from missions.language.nodes import MODIFIERS
 from missions.language.outcomes import ends
 from missions.language.plan import Step
 from missions.testing.moments import Happening
+from missions.views.pictures.drawing import ACTIVE
 
 STANDSTILL = 0.005
 """Metres or radians a second below which a base stands still."""
@@ -142,7 +143,7 @@ class History:
         if event.status == "failure":
             self._reasons[event.node][event.reason] = None
         ran = event.node in self._running
-        if event.status == "running":
+        if event.status in ACTIVE:
             self._running.add(event.node)
         else:
             self._running.discard(event.node)

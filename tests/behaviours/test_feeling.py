@@ -74,14 +74,17 @@ def conditions(bench: Bench) -> list[Leaf]:
     ]
 
 
-def test_a_base_that_does_not_report_feels_nothing() -> None:
+def test_conditions_are_suspended_while_the_base_does_not_report() -> None:
     bench = Bench()
     everything = replace(HERE, bumper=LEFT, cliff=LEFT, docked=True, buttons=frozenset({0}))
     for reading in (stale(everything), none()):
         bench.base.reading = reading
         for leaf in conditions(bench):
-            assert bench.tick(leaf) is FAILURE
-            assert leaf.reason == "the base does not report"
+            assert bench.tick(leaf) is RUNNING
+            assert (leaf.suspended, leaf.reason) == (True, "waiting: the base does not report")
+            assert bench.tick(leaf, after=4.9) is RUNNING
+            assert bench.tick(leaf, after=0.1) is FAILURE
+            assert leaf.reason == "the base has not reported for 5 s"
 
 
 # --- the range finder ------------------------------------------------------------------------------------------------
@@ -108,7 +111,7 @@ def test_an_obstacle_counts_within_its_distance_and_sector(
     assert leaf.reason == reason
 
 
-def test_a_range_finder_that_does_not_report_sees_nothing() -> None:
+def test_obstacle_within_is_suspended_while_the_range_finder_does_not_report() -> None:
     bench = Bench()
     leaf = bench.put(ObstacleWithin("obstacle_within"), distance=1.0)
     bench.ranger.show({0: 0.5})
@@ -116,8 +119,11 @@ def test_a_range_finder_that_does_not_report_sees_nothing() -> None:
     assert seen is not None
     for reading in (stale(seen), none()):
         bench.ranger.reading = reading
-        assert bench.tick(leaf) is FAILURE
-        assert leaf.reason == "the range finder does not report"
+        assert bench.tick(leaf) is RUNNING
+        assert (leaf.suspended, leaf.reason) == (True, "waiting: the range finder does not report")
+    bench.ranger.show({0: 0.5})
+    assert bench.tick(leaf) is SUCCESS
+    assert not leaf.suspended
 
 
 # --- what it shows and sounds ----------------------------------------------------------------------------------------

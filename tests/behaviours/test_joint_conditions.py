@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from behaviours.joint_conditions import JointAt, JointHot, JointLoaded, JointMoving
-from behaviours.leaf import FAILURE, SUCCESS, Leaf
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot
 from drivers.api import Quality, Reading
 from missions.testing.recorders import Bench, none
@@ -43,7 +43,8 @@ def test_a_joint_that_does_not_report_is_told_as_such(quality: Quality, leaf: Le
     felt = bench.arm.readings["elbow"].value
     bench.arm.readings["elbow"] = none() if quality is Quality.NONE else Reading(felt, 0.0, quality)
     bench.put(leaf, joint="elbow", joints=("elbow",), angle=0.0)
-    assert answer(bench, leaf) == (FAILURE, "elbow does not report")
+    assert answer(bench, leaf) == (RUNNING, "waiting: the joint elbow does not report")
+    assert leaf.suspended
 
 
 def test_a_joint_or_an_angle_that_cannot_be_is_told() -> None:

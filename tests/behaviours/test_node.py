@@ -8,7 +8,8 @@ from behaviours.driving.straight import Drive
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.node import Node
 from behaviours.run import NodeByNode
-from missions.executive.composites import Sequence, adopt
+from missions.executive.composites import Sequence
+from missions.executive.parent import adopt
 from missions.testing.recorders import STOP, Bench
 
 INVALID = Status.INVALID

@@ -60,8 +60,8 @@ def test_what_is_not_in_view_is_a_failure_with_its_reason(leaf: Leaf, reason: st
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == reason
     bench.sight.searched = None
-    assert bench.tick(leaf) is FAILURE
-    assert leaf.reason == "no pictures from the camera"
+    assert bench.tick(leaf) is RUNNING
+    assert (leaf.suspended, leaf.reason) == (True, "waiting: the camera does not report")
 
 
 @pytest.mark.parametrize(

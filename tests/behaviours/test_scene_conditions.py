@@ -45,6 +45,6 @@ def test_both_wait_for_a_picture_that_is_new_enough(leaf: Leaf) -> None:
     assert bench.tick(leaf) is RUNNING
     show(bench, age=3.0)
     assert bench.tick(leaf) is RUNNING
-    assert leaf.reason == "waiting for a picture from the camera"
+    assert (leaf.suspended, leaf.reason) == (True, "waiting: the camera does not report")
     show(bench)
     assert bench.tick(leaf) is not RUNNING

@@ -43,7 +43,7 @@ def test_it_waits_for_a_picture_that_is_new_enough() -> None:
     bench = Bench()
     leaf = asking(bench)
     assert bench.tick(leaf) is RUNNING
-    assert leaf.reason == "waiting for a picture from the camera"
+    assert (leaf.suspended, leaf.reason) == (True, "waiting: the camera does not report")
     show(bench, 1.0, age=3.0)
     assert bench.tick(leaf) is RUNNING
     show(bench, 1.0)

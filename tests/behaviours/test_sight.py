@@ -54,13 +54,13 @@ def test_a_face_seen_too_long_ago_does_not_count(kind: Callable[[str], Leaf], ag
 
 
 @pytest.mark.parametrize("kind", [FaceSeen, FaceCentred])
-def test_without_pictures_that_is_the_reason(kind: Callable[[str], Leaf]) -> None:
+def test_face_conditions_are_suspended_without_pictures(kind: Callable[[str], Leaf]) -> None:
     bench = Bench()
     leaf = bench.put(kind("see"))
     for searched in (None, bench.clock.now() - 10.0):
         bench.sight.searched = searched
-        assert bench.tick(leaf) is FAILURE
-        assert leaf.reason == "no pictures from the camera"
+        assert bench.tick(leaf) is RUNNING
+        assert (leaf.suspended, leaf.reason) == (True, "waiting: the camera does not report")
 
 
 def test_the_largest_of_the_faces_seen_lately_counts() -> None:

@@ -7,14 +7,15 @@ for each tick, with everything that happens in it, in order, and nothing else::
     a starts           a probe is started (py_trees calls this initialise)
     a ends success     it has ended (terminate with its status)
     a halts            it was halted (terminate with INVALID)
-    a is running       the observer was told of the new status: running, success, failure or idle
+    a is running       the observer was told of the new status: running, suspended, success, failure or idle
     a.retry is failure that of the modifier ``retry`` beside the behaviour named ``a``
     b hears 3          an echo was given the value 3
     base settled       the executive was asked to bring the base to rest
 
 ``nothing`` stands for a tick in which nothing changes. A line may begin with what comes before that tick: ``after 1 s``
 rather than the case's ``step`` (100 ms unless it says otherwise), ``with battery.percent = 10`` for a change in the
-robot's ``state``, and ``told to halt`` when the tree is halted in place of being ticked.
+robot's ``state``, ``range silent`` and ``range reports`` for that part of it, and ``told to halt`` when the tree is
+halted in place of being ticked.
 
 Once the table is through, ``reasons`` and ``variables`` are what must have come out. A case whose mission must not even
 start has ``refused`` in their place: a text for each fault, "LINE: MESSAGE" with lines counted from the mission's.
@@ -34,6 +35,7 @@ from behaviours.robot import Robot
 from config.faults import Source
 from config.units import in_dimension
 from drivers.clock import ManualClock
+from drivers.errors import SensorSilent
 from missions.executive.build import build
 from missions.executive.events import Event, NodeChanged
 from missions.executive.executive import Executive
@@ -105,26 +107,45 @@ def _mission(case: yaml.MappingNode, lines: list[str]) -> str:
     return "\n".join(parts) + "\n"
 
 
+class Silent:
+    """A part of the robot's state that does not report."""
+
+    def __init__(self, part: str) -> None:
+        self._part = part
+
+    def __getattr__(self, name: str) -> object:
+        raise SensorSilent(f"the {self._part} does not report")
+
+
 class Play:
     """One case being played on a robot of probes; ``nodes`` are the tree's by the names that tables use."""
 
     def __init__(self, plan: Plan, state: Mapping[str, Any]) -> None:
         self.clock = ManualClock()
         self.bench = Bench(self.clock)
-        self.bench.variables.update(_copied(state))
+        self._state = _copied(state)
+        self.bench.variables.update(self._state)
         self.root = build(plan, self.bench, lambda _: Robot())
         self.executive = Executive(self.root, self.bench, Stream([self._hear]))
         self.nodes = {_label(node.name, node.kind): node for node in self.root.iterate() if isinstance(node, Node)}
 
     def line(self, line: str, step: float) -> str:
         """Play one line of a table; return it as it should have been written."""
-        told = [entry for entry in map(str.strip, line.split(",")) if entry.startswith(("after ", "with ", "told to "))]
+        told = [
+            entry
+            for entry in map(str.strip, line.split(","))
+            if entry.startswith(("after ", "with ", "told to ")) or entry.endswith((" silent", " reports"))
+        ]
         for entry in told:
             match entry.split():
                 case ["after", *duration]:
                     step = in_dimension(" ".join(duration), "duration")
                 case ["with", path, "=", *value]:
                     self.change(path, yaml.safe_load(" ".join(value)))
+                case [part, "silent"]:
+                    self.bench.variables[part] = Silent(part)
+                case [part, "reports"]:
+                    self.bench.variables[part] = self._state[part]
         self.clock.advance(step)
         self.bench.log.clear()
         if "told to halt" in told:
@@ -137,7 +158,7 @@ class Play:
     def change(self, path: str, value: object) -> None:
         """Change the robot's state at, say, ``battery.percent``."""
         *owners, name = path.split(".")
-        found: Any = self.bench.variables
+        found: Any = self._state
         for owner in owners:
             found = found[owner]
         found[name] = value

@@ -8,12 +8,13 @@ from py_trees.common import Status
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf, argument
 from behaviours.run import Run
 from drivers.clock import Clock
-from drivers.errors import DeviceFault, NoReply, NotConnected
+from drivers.errors import DeviceFault, NoReply, NotConnected, SensorSilent
 
 ERRORS: dict[str, Exception] = {
     "crashes": RuntimeError("out of luck"),
     "crashes silently": RuntimeError(),
     "is offline": NotConnected("the cable is out"),
+    "is silent": SensorSilent("the thermometer does not report"),
     "gets no reply": NoReply("no reply after 3 tries"),
     "is overloaded": DeviceFault("motor 3 is overloaded"),
 }

@@ -12,7 +12,7 @@ from py_trees.common import Status
 from behaviours.node import Node
 from config.faults import InvalidFileError
 from missions.executive.composites import COMPOSITES
-from missions.executive.events import STATUS_WORDS
+from missions.executive.events import status_word
 from missions.language.nodes import FOR_EACH, SWITCHES
 from missions.language.plan import Plan
 from tests.conformance.harness import Case, Play
@@ -33,7 +33,20 @@ MODIFIERS: dict[str, st.SearchStrategy[Any]] = {
     "on_success": st.just("fail"),
     "on_running": st.sampled_from(["succeed", "fail"]),
 }
-OUTCOMES = st.sampled_from(["running", "running", "success", "success", "failure", "failure", "crashes", "is offline"])
+OUTCOMES = st.sampled_from(
+    [
+        "running",
+        "running",
+        "success",
+        "success",
+        "failure",
+        "failure",
+        "crashes",
+        "is offline",
+        "is silent",
+        "is silent",
+    ]
+)
 LEAVES = st.fixed_dictionaries(
     {"outcomes": st.lists(OUTCOMES, min_size=1, max_size=4), "halts_in": st.sampled_from([0, 0, 0, 1, 3, 99])},
     optional={"stopping": st.just("crashes")},
@@ -72,7 +85,11 @@ def chosen(children: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
 TREES = st.recursive(
     st.tuples(WORDS, LEAVES).flatmap(lambda leaf: modified({leaf[0]: leaf[1]})), composed, max_leaves=8
 )
-TICKS = st.lists(st.tuples(st.sampled_from(["", "", "", "", "told to halt, "]), PERCENT), min_size=1, max_size=12)
+TICKS = st.lists(
+    st.tuples(st.sampled_from(["", "", "", "", "told to halt, ", "battery silent, ", "battery reports, "]), PERCENT),
+    min_size=1,
+    max_size=12,
+)
 
 
 def named(tree: dict[str, Any], number: Iterator[int]) -> dict[str, Any]:
@@ -104,7 +121,9 @@ class Witness:
     def read(self, line: str) -> None:
         """Read what happened in one tick, and look at the tree that it left."""
         entries = [
-            entry for entry in line.split(", ") if not entry.startswith(("with ", "told ")) and entry != "nothing"
+            entry
+            for entry in line.split(", ")
+            if not entry.startswith(("with ", "told ", "battery ")) and entry != "nothing"
         ]
         for entry in entries:
             name, what = entry.split(" ", 1)
@@ -134,7 +153,7 @@ class Witness:
     def look(self) -> None:
         """Check the tree between two ticks."""
         for name, node in self.play.nodes.items():
-            assert self.shown[name] == STATUS_WORDS[node.status], f"the observer takes {name} for {self.shown[name]}"
+            assert self.shown[name] == status_word(node), f"the observer takes {name} for {self.shown[name]}"
             if node.status is Status.FAILURE:
                 assert node.reason, f"{name} fails without a reason"
             if node.status is Status.RUNNING and isinstance(node.parent, Node):

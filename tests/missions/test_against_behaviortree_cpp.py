@@ -16,7 +16,7 @@ from py_trees.common import Status
 
 from behaviours.leaf import Leaf, argument
 from config.faults import Source
-from missions.executive.composites import Parallel
+from missions.executive.at_once import Parallel
 from missions.executive.events import STATUS_WORDS
 from missions.language.counts import ALL, FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL
 from missions.language.document import check_plan

@@ -13,9 +13,10 @@ from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.run import Run
 from drivers.clock import ManualClock
 from missions.executive import stream as streaming
-from missions.executive.composites import Composite, Selector, Sequence, adopt
+from missions.executive.composites import Selector, Sequence
 from missions.executive.events import Event, Logged, NodeChanged
 from missions.executive.executive import Executive
+from missions.executive.parent import Composite, adopt
 from missions.executive.stream import Stream
 from tests.waiting import wait_until
 

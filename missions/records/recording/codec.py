@@ -25,7 +25,7 @@ from typing import Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_ty
 import drivers.api
 import perception.api
 from drivers.api.measures import Array
-from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply, NotConnected
+from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply, NotConnected, SensorSilent
 
 T = TypeVar("T")
 
@@ -41,7 +41,7 @@ NAMED: Mapping[str, type[Any]] = {
 """The values of drivers and perception by the names of their types."""
 
 ERRORS: Mapping[str, type[DriverError]] = {
-    error.__name__: error for error in (NotConnected, NoReply, DeviceFault, BadRequest, DriverError)
+    error.__name__: error for error in (NotConnected, SensorSilent, NoReply, DeviceFault, BadRequest, DriverError)
 }
 """What can go wrong with a device, by name."""
 

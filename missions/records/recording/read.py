@@ -27,7 +27,7 @@ from missions.records.recording.head import LIMIT, TREE, Head
 from missions.records.recording.identify import head_in, no_mcap
 from missions.records.recording.items import EVENTS, Feedback
 from missions.records.recording.moments import Restored
-from missions.views.pictures.drawing import Drawing
+from missions.views.pictures.drawing import ACTIVE, Drawing
 from missions.views.pictures.states import TIME_TOLERANCE
 from missions.views.pictures.tree_json import from_json as drawing_from_json
 from perception.api import View
@@ -206,7 +206,7 @@ class Record:
         for new in sorted(news, key=lambda new: (new.t, isinstance(new, Feedback))):
             if isinstance(new, NodeChanged):
                 newest[new.node] = new
-            elif new.node not in newest or newest[new.node].status != "running":
+            elif new.node not in newest or newest[new.node].status not in ACTIVE:
                 continue
             else:
                 newest[new.node] = replace(newest[new.node], reason=new.reason)

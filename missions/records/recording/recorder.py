@@ -27,6 +27,7 @@ from missions.records.recording.camera import Pictures
 from missions.records.recording.head import Contents
 from missions.records.recording.items import EVENTS, Checked, Feedback, Missed, Picture, Seen, packed, topic_of
 from missions.records.recording.outlet import Loss, Outlet
+from missions.views.pictures.drawing import ACTIVE
 from perception.api import Frame, Gaze, View
 
 PERIOD = 0.15
@@ -163,7 +164,7 @@ class Recorder:
         if type(event).__name__ in EVENTS:
             self._keep(event)
             if isinstance(event, NodeChanged):
-                if event.status == "running":
+                if event.status in ACTIVE:
                     self._running[event.node] = event.reason
                 else:
                     self._running.pop(event.node, None)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 
 from behaviours.node import Node
-from missions.executive.events import STATUS_WORDS, Event, NodeChanged
+from missions.executive.events import Event, NodeChanged, status_word
 from missions.records.replay.pairing import Place, paired, places_of
 from missions.views.pictures.drawing import Drawing
 
@@ -86,7 +86,7 @@ class Comparison:
         """Return where the changes of one node differ first; where there is none on one side, it stays as it is."""
         node = self._nodes[self.pairs[key]]
         stays = then[-1] if then else self._stood.get(key, State(IDLE))
-        stands = State(STATUS_WORDS[node.status], node.reason)
+        stands = State(status_word(node), node.reason)
         both = [(was or stays, does or stands) for was, does in zip_longest(then, now)]
         # A reason in other words is the difference only where no status is.
         was, does = max(both, key=lambda pair: (pair[0].status != pair[1].status, pair[0] != pair[1]))

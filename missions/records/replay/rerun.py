@@ -129,6 +129,7 @@ class _Again:
     ) -> None:
         self._clock = ManualClock()
         self._run = run = Run(self._clock, seed=seed)
+        run.sensor_timeout = config.sensor_timeout
         self._memory = Memory(unheard=self._note_unheard, otherwise=self._note_command, others=config.others)
         answers, stream = Answers(), Stream()
         robot = asked(

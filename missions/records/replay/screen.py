@@ -21,7 +21,7 @@ from missions.records.recording.read import Record
 from missions.records.replay.play import HELP, Player
 from missions.views.live.panels import Scene, label
 from missions.views.pictures.draw import one_line
-from missions.views.pictures.drawing import SIGNS, Box, Now
+from missions.views.pictures.drawing import ACTIVE, SIGNS, Box, Now
 from missions.views.pictures.states import TIME_TOLERANCE, now_of
 from missions.views.words import in_words, name_of
 from perception.api import Percept
@@ -66,7 +66,7 @@ class Screen:
         now = states(self._record, time)
         scene = Scene(t=time, nodes={key: replace(each, reason=one_line(each.reason)) for key, each in now.items()})
         rows = list(_rows(self._drawing.root))
-        running = [place for place, (_, box) in enumerate(rows) if scene.now(box.key).status == "running"]
+        running = [place for place, (_, box) in enumerate(rows) if scene.now(box.key).status in ACTIVE]
         return [Text("  " * depth) + label(box, scene) for depth, box in rows], max(running, default=0)
 
     def _values(self, time: float) -> list[Text]:
@@ -126,7 +126,7 @@ def variables(events: Sequence[VariableSet], time: float) -> Mapping[str, object
 
 def running(root: Box) -> list[Box]:
     """Return the nodes at the bottom of the tree that are running."""
-    return [box for box in root.walk() if box.status == "running" and not box.children]
+    return [box for box in root.walk() if box.status in ACTIVE and not box.children]
 
 
 def said(event: Event) -> str:

@@ -9,7 +9,13 @@ from missions.views.pictures.drawing import SIGNS, Status
 from missions.views.pictures.page.markup import Markup, tag
 from missions.views.words import counted, in_seconds
 
-WORDS = {"idle": "interrupted", "running": "still at work", "success": "success", "failure": "failure"}
+WORDS = {
+    "idle": "interrupted",
+    "running": "still at work",
+    "suspended": "suspended",
+    "success": "success",
+    "failure": "failure",
+}
 """What the end of a bar is called."""
 
 ROOM = 0.028

@@ -24,11 +24,18 @@ BARS: dict[Status, tuple[str, str]] = {
     "success": ("#00735a", ""),
     "failure": ("#b3400a", "////"),
     "running": ("#0067a8", "...."),
+    "suspended": ("#7a5200", "----"),
     "idle": ("#8a8f98", "\\\\\\\\"),
 }
 """The colour and the hatching of a bar by how it ended: they are told apart in print too."""
 
-ENDS: dict[Status, str] = {"success": "success", "failure": "failure", "running": "at work", "idle": "interrupted"}
+ENDS: dict[Status, str] = {
+    "success": "success",
+    "failure": "failure",
+    "running": "at work",
+    "suspended": "suspended",
+    "idle": "interrupted",
+}
 
 MAX_NAME_LENGTH = 34
 """Letters of a node's name."""

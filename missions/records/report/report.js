@@ -57,7 +57,7 @@
       const row = newest(rows, place);
       if (!row) continue;
       const status = data.statuses[row[1]];
-      const age = `${(data.times[place] - data.times[row[0]]).toFixed(1)} s${status === "running" ? "" : " ago"}`;
+      const age = `${(data.times[place] - data.times[row[0]]).toFixed(1)} s${["running", "suspended"].includes(status) ? "" : " ago"}`;
       states[key] = [status, data.texts[row[2]], age];
     }
     showStates(states);

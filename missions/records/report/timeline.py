@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from missions.executive.events import NodeChanged
-from missions.views.pictures.drawing import Box, Drawing, Status
+from missions.views.pictures.drawing import ACTIVE, Box, Drawing, Status
 from missions.views.pictures.states import STATUSES
 
 FINEST = 400
@@ -15,7 +15,8 @@ FINEST = 400
 class Bar:
     """A time from ``start`` to ``end`` (s) in which a leaf was at work; both are the same where it answered at once.
 
-    ``outcome`` is how that ended: "idle" where it was interrupted, "running" where the record ends before it did.
+    ``outcome`` is how that ended: "idle" where it was interrupted, "running" where the record ends before it did. The
+    time in which the leaf was suspended is part of it.
     ``count`` is how many are shown as this one; then it failed if any of them did.
     """
 
@@ -91,7 +92,7 @@ def _bars(changes: Sequence[NodeChanged], last: str, end: float) -> list[Bar]:
     since: float | None = None
     for change in changes:
         status = STATUSES[change.status]
-        if status == "running":
+        if status in ACTIVE:
             since = change.t if since is None else since
         elif status != "idle" or since is not None:
             bars.append(Bar(change.t if since is None else since, change.t, status, change.reason))

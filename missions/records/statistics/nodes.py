@@ -15,7 +15,7 @@ from missions.executive.events import NodeChanged
 from missions.executive.tick_record import TickRecord
 from missions.language.nodes import AT_ONCE, COMPOSITES, MODIFIERS
 from missions.records.statistics.figures import NodeFigures, Place
-from missions.views.pictures.drawing import Box, Drawing
+from missions.views.pictures.drawing import ACTIVE, Box, Drawing
 
 REACTIVE: Mapping[str, str] = {word: kind.passes for word, kind in COMPOSITES.items() if kind.reactive}
 """The composites that ask from their first child on at every tick, and the status that leads them to the next."""
@@ -48,8 +48,8 @@ class _Tally:
 
     def take(self, status: str, t: float) -> None:
         """Take on a status."""
-        ran = self.status == "running"
-        if status == "running":
+        ran = self.status in ACTIVE
+        if status in ACTIVE:
             self.since = self.since if ran else t
         elif ran or status != "idle":
             self.end(status, t - self.since if ran else 0.0)
@@ -62,7 +62,7 @@ class _Tally:
 
     def figures(self, until: float) -> NodeFigures:
         """Return what came of it by the end of the record."""
-        left = [max(0.0, until - self.since)] if self.status == "running" else []
+        left = [max(0.0, until - self.since)] if self.status in ACTIVE else []
         ends = self.ends
         times = np.asarray([*self.lasted, *left], dtype=np.float64)
         return NodeFigures(self.ticks, ends["success"], ends["failure"], ends["idle"], len(left), times)
@@ -91,7 +91,7 @@ def figures_of(
         ran, touched = set(running), set[str]()
         for change in news:
             tallies[change.node].take(change.status, max(change.t, start))
-            (running.add if change.status == "running" else running.discard)(change.node)
+            (running.add if change.status in ACTIVE else running.discard)(change.node)
             if change.status != "idle":
                 touched.add(change.node)
         touched |= running

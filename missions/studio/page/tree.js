@@ -1,7 +1,7 @@
 // The tree as nested blocks: what each node does, since when and why. Only what has changed is touched.
 
 import { SHARE, before_picture, button, el, put, soon } from "./dom.js";
-import { SIGNS, seconds } from "./words.js";
+import { SIGNS, isActive, seconds } from "./words.js";
 
 const LONGEST = 40; // milliseconds of a picture of the screen, above which the next one has fewer new rows
 const [FEWEST, MOST] = [4, 64]; // new rows of a picture
@@ -75,7 +75,7 @@ class Block {
   }
 
   tick(t) {
-    const text = this.status === "running" && this.since !== null ? seconds(Math.max(0, t - this.since)) : "";
+    const text = isActive(this.status) && this.since !== null ? seconds(Math.max(0, t - this.since)) : "";
     put(this.time, text);
   }
 }
@@ -166,7 +166,7 @@ export class Tree extends HTMLElement {
     const now = performance.now();
     if (now - this.#ticked > TICKING) {
       this.#ticked = now;
-      for (const block of this.#blocks.values()) if (block.status === "running") this.#due.add(block);
+      for (const block of this.#blocks.values()) if (isActive(block.status)) this.#due.add(block);
     }
     let left = this.#most;
     for (const block of [...this.#due].slice(0, left >> 2)) {
@@ -197,10 +197,10 @@ export class Tree extends HTMLElement {
   /** Scroll to the deepest node that runs, and unfold what is above it. */
   #reveal() {
     let block = this.#blocks.values().next().value;
-    if (block?.status !== "running") return;
-    for (let next = block; next; next = block.children.find((each) => each.status === "running")) {
+    if (!isActive(block?.status)) return;
+    for (let next = block; next; next = block.children.find((each) => isActive(each.status))) {
       block = next;
-      if (block.children.some((each) => each.status === "running")) block.toggle(false);
+      if (block.children.some((each) => isActive(each.status))) block.toggle(false);
     }
     const [mine, row] = [this.getBoundingClientRect(), block.row.getBoundingClientRect()];
     if (row.top < mine.top) this.scrollTop += row.top - mine.top - 8;

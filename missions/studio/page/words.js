@@ -1,6 +1,9 @@
 // Figures and events in words.
 
-export const SIGNS = { idle: "○", running: "▶", success: "✓", failure: "✗", interrupted: "■", error: "!" };
+export const SIGNS = { idle: "○", running: "▶", suspended: "‖", success: "✓", failure: "✗", interrupted: "■", error: "!" };
+
+/** Return whether a node with this status has started and not ended. */
+export const isActive = (status) => status === "running" || status === "suspended";
 
 /** Return seconds as "4.2 s" or "3:05". */
 export function seconds(t) {

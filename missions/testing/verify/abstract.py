@@ -12,7 +12,17 @@ from missions.language.plan import Plan, Step
 from missions.language.reading import surely_read
 from missions.language.values import Value
 from missions.testing.verify.choices import Oracle
-from missions.testing.verify.guesses import MAX_COUNT, TWICE, UNKNOWN, Anything, Guess, Many, Several, widened
+from missions.testing.verify.guesses import (
+    MAX_COUNT,
+    TWICE,
+    UNKNOWN,
+    Anything,
+    Guess,
+    Many,
+    Several,
+    asks_sensor,
+    widened,
+)
 from missions.testing.verify.instants import Some
 from missions.testing.verify.mocks import outcomes, stand_in, waits
 from missions.testing.verify.watch import Watch
@@ -43,10 +53,15 @@ def _arguments(step: Step, leaf: type[Leaf], oracle: Oracle, names: frozenset[st
     if leaf.open_ended:
         return {name: _stored(replace(value, convert=None), oracle) for name, value in step.arguments.items()}
     if any(outcome.status is FAILURE for outcome in outcomes(step)):
-        asked = {name: value for name, value in step.arguments.items() if surely_read(value) & names}
+        asked = {name: value for name, value in step.arguments.items() if surely_read(value) & names or _senses(value)}
         return {f"argument_{name}": replace(_guess(value, oracle), asked=True) for name, value in asked.items()}
     computed = {name: value for name, value in step.arguments.items() if value.template is not None}
     return {f"argument_{name}": _guess(value, oracle) for name, value in computed.items()}
+
+
+def _senses(value: Value) -> bool:
+    """Say whether a value is computed from what a sensor reports."""
+    return value.template is not None and any(map(asks_sensor, value.template.reads))
 
 
 def _setting(step: Step, value: Value, oracle: Oracle) -> Value:

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.node import Node
-from missions.executive.composites import Parallel
-from missions.executive.modifiers import Invert, Modifier, OnFailure, OnSuccess
+from missions.executive.at_once import Parallel
+from missions.executive.modifier import Modifier
+from missions.executive.modifiers import Invert, OnFailure, OnSuccess
 from missions.testing.verify.mocks import StandIn
 from missions.testing.verify.monitors import Following
 
@@ -47,6 +48,8 @@ def _leaf_of(node: Node, asked: frozenset[Node]) -> StandIn | None:
 def _is_free(child: Node, leaf: StandIn) -> bool:
     """Say whether a leaf keeps nothing, stops at once, and may go on as well as end, so that ``child`` succeeds."""
     statuses = {outcome.status for outcome in leaf.outcomes}
+    if leaf.sensor:  # it fails by itself once that is silent for too long
+        return False
     can = {RUNNING} <= statuses and SUCCESS in {_made_of(child, status) for status in statuses - {RUNNING}}
     return can and leaf.keep_as is None and not (leaf.computed or leaf.lingers) and leaf.stops
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -28,12 +29,13 @@ class Oracle:
 
     def __init__(self) -> None:
         self.made: list[Choice] = []
+        self._reports: dict[str, bool] = {}
         self._script: Script = ()
 
     def follow(self, script: Script) -> None:
         """Begin a step whose first answers are those of ``script``."""
         self._script = script
-        self.made = []
+        self.made, self._reports = [], {}
 
     def choose(self, options: Sequence[T], say: Callable[[T], str]) -> T:
         """Return one of ``options``; ``say`` puts it into words for a trace, none where it is not worth any."""
@@ -43,6 +45,17 @@ class Oracle:
         taken = self._script[place] if place < len(self._script) else 0
         self.made.append(Choice(len(options), taken, options[taken], say))
         return options[taken]
+
+    def reports(self, sensor: str) -> bool:
+        """Say whether a sensor reports in this step: a choice, made once for all who ask."""
+        if sensor not in self._reports:
+            self._reports[sensor] = self.choose((True, False), partial(_silence, sensor))
+        return self._reports[sensor]
+
+    @property
+    def all_report(self) -> bool:
+        """True while every sensor that was asked in this step reports."""
+        return all(self._reports.values())
 
     @property
     def script(self) -> Script:
@@ -56,3 +69,7 @@ class Oracle:
             if choice.taken + 1 < choice.options:
                 return (*self.script[:place], choice.taken + 1)
         return None
+
+
+def _silence(sensor: str, reports: bool) -> str:
+    return "" if reports else f"the {sensor} does not report"

@@ -12,26 +12,39 @@ from functools import partial
 from typing import Any, Self
 
 from drivers.api.quick import dataclass
+from drivers.errors import SensorSilent
 from missions.language import reading
-from missions.language.expressions import Expression, ExpressionError
+from missions.language.expressions import Expression, ExpressionError, Read
 from missions.language.for_each import Members
 from missions.language.kinds import STATE
 from missions.language.reading import surely_read
 from missions.language.values import Value
 from missions.testing.verify.choices import Oracle
 
-_FELT = (False, True, None)
+_FELT = (False, True)
+
+SENSORS: Mapping[str, str] = {
+    "base": "base",
+    "battery": "base",
+    "head": "head",
+    "range": "range finder",
+    "face": "camera",
+}
+"""What does not report where a part of the robot's state cannot be read."""
+
+KNOWN_ANYWAY = frozenset({"base.stopped", "base.driver"})
+"""The state that is known whether the base reports or not."""
 
 FLAGS: Mapping[str, Mapping[str, Sequence[bool | int | str | None]]] = {
     "face": {"seen": (True, False), "undecided": (False, True)},
     "base": {
         **dict.fromkeys(("bumper", "cliff", "wheel_drop", "docked", "stopped"), _FELT),
         "button": (None, 0, 1, 2),
-        "driver": ("mission", "teleop", "safety", "", None),
+        "driver": ("mission", "teleop", "safety", ""),
     },
     "battery": dict.fromkeys(("charging", "low", "critical"), _FELT),
 }
-"""What the robot senses in so few values that each is tried; None is what a silent device reports."""
+"""What the robot senses in so few values that each is tried; None is a button that is not pressed."""
 
 PLAIN = frozenset((bool, int, float, str))
 """Types whose values hold no others: most of what is looked at."""
@@ -124,6 +137,11 @@ class Sensed:
         return self._oracle.choose(FLAGS[self._part][name], partial(_is, said))
 
 
+def asks_sensor(read: Read) -> bool:
+    """Say whether what an expression reads is something that a sensor reports."""
+    return read.name in SENSORS and read.dotted not in KNOWN_ANYWAY
+
+
 def _is(name: str, value: object) -> str:
     return f"{name} is {str(value).lower()}"
 
@@ -144,6 +162,8 @@ class Guess(Value):
     needed: frozenset[str] = field(init=False)
     """What it surely reads. This and what follows is worked out once, and asked tens of thousands of times."""
     sensed: bool = field(init=False)
+    sensors: Sequence[str] = field(init=False)
+    """Those that have to report: it is a choice whether they do."""
     choices: Sequence[tuple[object, bool]] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -151,13 +171,18 @@ class Guess(Value):
         reads = self.template.reads if self.template is not None else ()
         sensed = any(read.name in STATE and read.member not in FLAGS.get(read.name, ()) for read in reads)
         choices = [(found, False) for found in self.options] + [(None, True)] * may_fail(self)
-        for name, value in (("needed", surely_read(self)), ("sensed", sensed), ("choices", choices)):
+        sensors = tuple(dict.fromkeys(SENSORS[read.name] for read in reads if asks_sensor(read)))
+        found = (("needed", surely_read(self)), ("sensed", sensed), ("choices", choices), ("sensors", sensors))
+        for name, value in found:
             object.__setattr__(self, name, value)
 
     def resolve(self, scope: Mapping[str, object]) -> object:
         """See missions.language.values.Value."""
         if not self.blind:
             self._all_set(scope)
+        for sensor in self.sensors:
+            if not self.oracle.reports(sensor):
+                raise SensorSilent(f"the {sensor} does not report")
         if self.asked:
             return UNKNOWN
         if not self.blind and not self._unknown(scope):

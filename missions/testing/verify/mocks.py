@@ -28,6 +28,9 @@ EARLY = Outcome(RUNNING, found=True)
 
 WORDS = {RUNNING: "runs", SUCCESS: "succeeds", FAILURE: "fails"}
 
+PARTS = {"range": "range finder", "ros2": "topic"}
+"""How the sensors of conditions are called, where that is not the name of the part."""
+
 ALWAYS = {Succeed: SUCCESS, Log: SUCCESS, Fail: FAILURE}
 """The leaves that always do the same at once."""
 
@@ -39,10 +42,12 @@ class StandIn(Leaf):
     (see missions.testing.verify.alike).
     """
 
-    run_state = ("live",)
+    run_state: ClassVar[tuple[str, ...]] = ("live",)
+    lasting_state: ClassVar[tuple[str, ...]] = ("_silent_since",)
     oracle: ClassVar[Oracle]
     watch: ClassVar[Watch]
     outcomes: ClassVar[tuple[Outcome, ...]]
+    sensor: ClassVar[str]
     lingers: ClassVar[bool]
     never_rests: ClassVar[bool]
     stops: ClassVar[bool]
@@ -58,7 +63,9 @@ class StandIn(Leaf):
         self.watch.started(self)
 
     def update(self) -> Status:
-        """Do one of the things that it may do."""
+        """Do one of the things that it may do; suspended while the sensor that it asks does not report."""
+        if self.sensor and not self.oracle.reports(self.sensor):
+            return self.suspend(self.sensor)
         known = self.keep_as is not None and self.scope.get(self.keep_as) is UNKNOWN
         possible = [outcome for outcome in self.outcomes if not known or outcome != EARLY]
         if self.leader is not None:
@@ -147,6 +154,7 @@ def stand_in(step: Step, oracle: Oracle, watch: Watch) -> type[StandIn]:
             "oracle": oracle,
             "watch": watch,
             "outcomes": outcomes(step),
+            "sensor": sensor_of(real),
             "never_rests": always_true(real.halting),
             "lingers": real.halting is not Leaf.halting,
             "stops": not real.drives or real.terminate is Leaf.terminate or not does_nothing(real.terminate),
@@ -168,6 +176,12 @@ def outcomes(step: Step) -> tuple[Outcome, ...]:
     found = [Outcome(status, status is SUCCESS) for status in statuses]
     early = step.keep_as is not None and RUNNING in statuses
     return (*found, EARLY) if early else tuple(found)
+
+
+def sensor_of(leaf: type[Leaf]) -> str:
+    """Return the sensor that a condition asks, as messages call it; empty for any other leaf."""
+    part = min(leaf.needs, default="") if leaf.instant and not leaf.drives else ""
+    return PARTS.get(part, part)
 
 
 def _listed(value: object) -> list[Status]:

@@ -11,9 +11,10 @@ from py_trees.common import Status
 from behaviours.leaf import FAILURE, SUCCESS
 from behaviours.node import Node
 from behaviours.robot import Robot
-from behaviours.run import NodeByNode, Run
+from behaviours.run import SENSOR_TIMEOUT, NodeByNode, Run
 from missions.executive.build import build
-from missions.executive.modifiers import Hold, Repeat, Timeout
+from missions.executive.modifiers import Repeat
+from missions.executive.timed import ASKED_AGAIN, Hold, Timeout
 from missions.language.flow import sets
 from missions.language.kinds import STATE
 from missions.language.plan import Plan
@@ -49,11 +50,12 @@ class State:
 class Model:
     """A mission ready to be explored. ``sampled`` says that not every order of a random composite is tried."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, sensor_timeout: float = SENSOR_TIMEOUT) -> None:
         self.oracle = Oracle()
-        self.watch = Watch()
+        self.watch = Watch(self.oracle)
         self.timing = Timing(self.oracle)
         self.run = Run(self.timing)
+        self.run.sensor_timeout = sensor_timeout
         self.shuffler = self.run.random = Shuffler(self.oracle)
         self.run.observer = NodeByNode(self.watch.changed)
         self.run.variables.update({part: Sensed(self.oracle, part) for part in STATE})
@@ -72,7 +74,7 @@ class Model:
         self.watch.reads = readers(plan.tree, self.nodes)
         self._snapshots = Snapshots(self.nodes, self.timing)
         self._scopes = Scopes(tree, self.nodes, self.run.variables)
-        self._seconds = sorted(durations(plan.tree))
+        self._seconds = sorted({*durations(plan.tree), sensor_timeout, ASKED_AGAIN})
 
     def tick(self) -> None:
         """Tick once."""
@@ -95,6 +97,8 @@ class Model:
         """Put a state back, and begin a step from it."""
         self.timing.set(state.times)
         self._snapshots.put(state.rows)
+        for node in self.nodes:
+            node.suspension = None
         self._scopes.put(state.variables)
         self.watch.begin(state.happened, state.moving)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from behaviours.leaf import Leaf
 from behaviours.node import Node
-from missions.executive.modifiers import Modifier
+from missions.executive.modifier import Modifier
 from missions.language.plan import Property
 
 if TYPE_CHECKING:

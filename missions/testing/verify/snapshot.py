@@ -9,7 +9,9 @@ from py_trees.common import Status
 from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS
 from behaviours.node import Node
 from missions.executive.for_each import ForEach
-from missions.executive.modifiers import Modifier, Repeat, Retry
+from missions.executive.modifier import Modifier
+from missions.executive.modifiers import Repeat, Retry
+from missions.executive.timed import ASKED_AGAIN
 from missions.testing.verify.guesses import PLAIN, Many
 from missions.testing.verify.instants import Instant, Timing
 from missions.testing.verify.mocks import StandIn
@@ -150,7 +152,7 @@ def _gives_anew(node: Node) -> bool:
 def _kept(value: object, node: Node, name: str, instants: dict[int, float]) -> object:
     """Return a value as it stands in a row: instants by their number, counts no higher than they matter."""
     if isinstance(value, Instant):
-        wait = _waited(node)
+        wait = _waited(node, name)
         if wait is None:
             return ANY
         instants[value.place] = max(instants.get(value.place, 0.0), wait + value.offset)
@@ -164,12 +166,16 @@ def _kept(value: object, node: Node, name: str, instants: dict[int, float]) -> o
     return value
 
 
-def _waited(node: Node) -> float | None:
+def _waited(node: Node, name: str) -> float | None:
     """Return how long ``node`` waits from an instant on that it keeps; None where that is known only when it starts.
 
-    A modifier waits for its setting, which it forgets at rest while a cooldown goes on; what a leaf keeps is the end of
-    a wait itself.
+    A suspended node waits for the sensor timeout, and a timeout that gave up to be asked again. Another modifier waits
+    for its setting, which it forgets at rest while a cooldown goes on; what a leaf keeps is the end of a wait itself.
     """
+    if name == "_silent_since":
+        return node.run.sensor_timeout
+    if name == "gave_up":
+        return ASKED_AGAIN
     if not isinstance(node, Modifier):
         return 0.0
     seconds: Any = node.value.constant

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 from behaviours.leaf import IDLE, Leaf
 from behaviours.node import Node
-from missions.executive.events import STATUS_WORDS
+from missions.executive.events import status_word
 from missions.testing.verify.choices import Script
 from missions.testing.verify.explore import Found, Space, ended_by_halt
 
@@ -47,7 +47,7 @@ def _turn(space: Space, before: int, script: Script, *, halted: bool) -> Turn:
     model = space.model
     given = tuple(said for choice in model.oracle.made if (said := str(choice)))
     last = {node: status for node, status in model.watch.changes if _tells(node) or status is IDLE}
-    changed = {shown(node): "halted" if status is IDLE else STATUS_WORDS[status] for node, status in last.items()}
+    changed = {shown(node): "halted" if status is IDLE else status_word(node) for node, status in last.items()}
     return Turn(halted, given, changed)
 
 

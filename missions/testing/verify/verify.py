@@ -1,5 +1,6 @@
 """From a checked mission to a report on it."""
 
+from behaviours.run import SENSOR_TIMEOUT
 from config.units import written
 from drivers.clock import Clock
 from missions.language.plan import Plan
@@ -15,13 +16,21 @@ LIMIT = 60.0
 """Seconds after which it gives up."""
 
 
-def verify(plan: Plan, clock: Clock, *, bound: int = BOUND, limit: float = LIMIT) -> Report:
+def verify(
+    plan: Plan,
+    clock: Clock,
+    *,
+    bound: int = BOUND,
+    limit: float = LIMIT,
+    sensor_timeout: float = SENSOR_TIMEOUT,
+) -> Report:
     """Explore a mission and return what that proves and refutes.
 
-    It goes on to ``bound`` states and for ``limit`` seconds at most, by ``clock``.
+    It goes on to ``bound`` states and for ``limit`` seconds at most, by ``clock``. The robot waits for its sensors for
+    ``sensor_timeout`` seconds.
     """
     began = clock.now()
-    space = Space(Model(plan), bound, lambda: clock.now() - began >= limit)
+    space = Space(Model(plan, sensor_timeout), bound, lambda: clock.now() - began >= limit)
     space.explore()
     verdicts = tuple(Judge(space, plan).verdicts())
     seconds = clock.now() - began

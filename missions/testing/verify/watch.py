@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Protocol
 
 from py_trees.common import Status
 
-from behaviours.leaf import FAILURE, RUNNING, SUCCESS
+from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS
 from behaviours.node import Node
+from missions.testing.verify.choices import Oracle
 
 if TYPE_CHECKING:
     from missions.testing.verify.mocks import StandIn
@@ -54,9 +55,11 @@ class Watch:
 
     ``rounds`` are the nodes under a ``repeat: forever``: when one succeeds, ``went_round`` says so. ``timed`` are the
     nodes that wait for a time, each with the status that shows that it is over; ``over`` those of which it ever was.
+    ``reached`` are the nodes that some run comes to while all sensors report.
     ``reads`` has the variables that nodes read when they start, and without which they fail.
     """
 
+    oracle: Oracle = field(default_factory=Oracle)
     leaves: "list[StandIn]" = field(default_factory=list)
     monitors: Sequence[Monitor] = ()
     rounds: frozenset[Node] = frozenset()
@@ -99,7 +102,8 @@ class Watch:
     def changed(self, node: Node) -> None:
         """Hear of a node whose status has changed; the observer of the run."""
         self.changes.append((node, node.status))
-        self.reached.add(node)
+        if node.status is not IDLE and self.oracle.all_report:
+            self.reached.add(node)
         if self.timed.get(node) is node.status and all(child.status is not FAILURE for child in node.children):
             self.over.add(node)  # of a timeout: it is not the child that has failed
         if node.status is FAILURE:
@@ -113,7 +117,8 @@ class Watch:
 
     def started(self, leaf: "StandIn") -> None:
         """Hear of a leaf that starts."""
-        self.reached.add(leaf)
+        if self.oracle.all_report:
+            self.reached.add(leaf)
         self.moving -= leaf.drives
         for other in self._rivals[leaf]:
             for part in sorted(leaf.drives & other.drives) if other.acting else ():

@@ -15,10 +15,11 @@ from threading import Lock
 
 from behaviours.node import RUNNING, Node
 from drivers.clock import Clock
-from missions.executive.events import Event, NodeChanged, Ticked, VariableSet
+from missions.executive.events import Event, NodeChanged, Ticked, VariableSet, status_word
 from missions.executive.executive import Executive
 from missions.executive.parts import PartState
 from missions.views.pictures.draw import one_line
+from missions.views.pictures.drawing import ACTIVE
 from missions.views.words import in_words
 
 Json = dict[str, object]
@@ -150,12 +151,12 @@ class Feed:
         """Add to what has ``changed`` the nodes that run on and have a new reason: of that there is no event."""
         for key, now in changed.items():
             self._running.pop(key, None)
-            if now[0] == "running":
+            if now[0] in ACTIVE:
                 self._running[key] = now
         for key, told in self._running.items():
             node = self._nodes.get(key)
             if node is not None and node.status is RUNNING:
-                now = ("running", _short(node.reason), told[2])
+                now = (status_word(node), _short(node.reason), told[2])
                 if now != told:
                     changed[key] = self._running[key] = now
 

@@ -11,7 +11,7 @@ from textual.widgets.tree import TreeNode
 
 from missions.views.live import panels
 from missions.views.live.panels import Scene
-from missions.views.pictures.drawing import Box, Drawing
+from missions.views.pictures.drawing import ACTIVE, Box, Drawing
 
 Message = Mapping[str, Any]
 """One of ``missions.views.live.feed``."""
@@ -72,9 +72,7 @@ class NodeTree(Tree[Box], inherit_bindings=False):
     def renew(self, message: Message) -> None:
         """Show what a message has changed, and for how long what runs has been running."""
         changed = {self._at[key] for key in message.get("changed", ()) if key in self._at}
-        running = {
-            self._at[key] for key, now in self._scene.nodes.items() if now.status == "running" and key in self._at
-        }
+        running = {self._at[key] for key, now in self._scene.nodes.items() if now.status in ACTIVE and key in self._at}
         for node in changed | running:
             if node.data is not None:
                 self._say(node, node.data)

@@ -7,11 +7,12 @@ from typing import Any, NamedTuple
 
 from rich.text import Text
 
-from missions.views.pictures.drawing import ASCII_SIGNS, SIGNS, Box, Drawing, Now, Status
+from missions.views.pictures.drawing import ACTIVE, ASCII_SIGNS, SIGNS, Box, Drawing, Now, Status
 
 STYLES: Mapping[str, str] = {
     "idle": "#8a8a8a",
     "running": "bold #5fb7f0",
+    "suspended": "bold #e0c060",
     "success": "#4fc08d",
     "failure": "bold #f08a5d",
 }
@@ -103,7 +104,7 @@ class Scene:
 
     def newest(self, root: Box) -> str:
         """Return the key of the leaf that has begun last of those that run; empty where none does."""
-        running = (box.key for box in root.walk() if not box.children and self.now(box.key).status == "running")
+        running = (box.key for box in root.walk() if not box.children and self.now(box.key).status in ACTIVE)
         return max(running, key=lambda key: self.now(key).since, default="")
 
 
@@ -113,7 +114,7 @@ def label(box: Box, scene: Scene) -> Text:
     line = Text(f"{box.case}: " if box.case else "", style=DIM, no_wrap=True)
     line.append(f"{scene.sign(now.status)} {box.title}", style=STYLES[now.status])
     seconds = int(scene.t - now.since)
-    if now.status == "running" and not box.children and seconds > 0:
+    if now.status in ACTIVE and not box.children and seconds > 0:
         line.append(f"  {seconds} s", style=DIM)
     if reason := _reason(box, scene):
         line.append(f"  {reason}", style=STYLES["failure"] if now.status == "failure" else "")

@@ -6,13 +6,16 @@ from typing import Literal
 
 from drivers.api.quick import dataclass
 
-Status = Literal["idle", "running", "success", "failure"]
+Status = Literal["idle", "running", "suspended", "success", "failure"]
 """What a node is doing, in the words of events."""
 
-SIGNS: Mapping[Status, str] = {"idle": "○", "running": "▶", "success": "✓", "failure": "✗"}
+ACTIVE: frozenset[str] = frozenset({"running", "suspended"})
+"""The statuses of a node that has started and not ended."""
+
+SIGNS: Mapping[Status, str] = {"idle": "○", "running": "▶", "suspended": "‖", "success": "✓", "failure": "✗"}
 """A sign for each status: no picture tells them apart by colour alone."""
 
-ASCII_SIGNS: Mapping[Status, str] = {"idle": "o", "running": ">", "success": "+", "failure": "x"}
+ASCII_SIGNS: Mapping[Status, str] = {"idle": "o", "running": ">", "suspended": "=", "success": "+", "failure": "x"}
 """The same where there is no Unicode."""
 
 

@@ -8,6 +8,7 @@ from missions.views.pictures.labels import Labels
 STYLES: Mapping[Status, str] = {
     "idle": "fill:#ffffff,stroke:#858c97,color:#1d2530,stroke-dasharray:4 3",
     "running": "fill:#eaf4fc,stroke:#0067a8,color:#1d2530,stroke-width:3px",
+    "suspended": "fill:#fdf3dc,stroke:#7a5200,color:#1d2530,stroke-width:3px,stroke-dasharray:2 3",
     "success": "fill:#ecf7f3,stroke:#00735a,color:#1d2530",
     "failure": "fill:#fdf0e9,stroke:#b3400a,color:#1d2530,stroke-width:2px",
 }
@@ -23,7 +24,8 @@ def mermaid(drawing: Drawing) -> str:
     live = drawing.time is not None
     lines = ["flowchart LR"]
     if live:
-        lines += [f"  classDef {status} {style}" for status, style in STYLES.items()]
+        seldom = {"suspended"} - {box.outer for box in drawing.root.walk()}
+        lines += [f"  classDef {status} {style}" for status, style in STYLES.items() if status not in seldom]
     for box in drawing.root.walk():
         said = "<br/>".join(part.translate(_ENTITIES) for part in _lines(labels, box))
         lines.append(f'  {identifier(box.key)}["{said}"]' + (f":::{box.outer}" if live else ""))

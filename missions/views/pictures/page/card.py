@@ -57,7 +57,7 @@ def _title(box: Box, *, live: bool) -> Markup:
 
 def _age(status: Status, seconds: float) -> str:
     """Return for how long it has been running, or when that ended, as the script of a report writes it too."""
-    return f"{seconds:.1f} s" if status == "running" else f"{seconds:.1f} s ago"
+    return f"{seconds:.1f} s" if status in ("running", "suspended") else f"{seconds:.1f} s ago"
 
 
 def _state(status: Status, reason: str, age: str) -> Markup:

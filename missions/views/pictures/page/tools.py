@@ -9,6 +9,7 @@ from missions.views.pictures.page.markup import Markup, join, start, tag
 STATUSES: Mapping[Status, str] = {
     "idle": "is not being asked",
     "running": "is at work",
+    "suspended": "waits for a sensor that does not report",
     "success": "has done it, or says yes",
     "failure": "could not do it, or says no",
 }

@@ -131,7 +131,7 @@ BYTES = {
     "missiontree.Lost": "6fca371329333c73",
     "missiontree.Mission": "acf9db7437e47ac9",
     "missiontree.Moment": "8d3eb8c515d51be1",
-    "missiontree.NodeChanged": "896fb1b52e54b55a",
+    "missiontree.NodeChanged": "07dbc16c3dd96fbc",
     "missiontree.Notified": "e629c1c518a64580",
     "missiontree.ReflexFired": "47856797088415b8",
     "missiontree.VariableSet": "4bc47aee0f155793",

@@ -25,6 +25,7 @@ IGNORED = frozenset(
         "feedback_message",  # words for people
         "values",  # used up in the tick in which they are set
         "_halt_tick",  # compared within a tick only
+        "suspension",  # used up in the tick in which it is set; for other ticks it is kept by another name
         "_since",  # how long a leaf has run, which no stand-in asks
     }
 )

@@ -57,9 +57,11 @@ def taped(step: Step, tape: Tape) -> Step:
         """Do what the tape says; drive what the real leaf drives, since that halts what has to make way."""
 
         drives = frozenset() if step.leaf is None else step.leaf.drives
+        instant = step.leaf is not None and step.leaf.instant
 
         def update(self) -> Status:
-            return tape.read()
+            status = tape.read()
+            return self.suspend("camera") if self.instant and status is RUNNING else status
 
     children = tuple(taped(child, tape) for child in step.children)
     return replace(step, children=children) if step.leaf is None else replace(step, leaf=Reader, arguments={})

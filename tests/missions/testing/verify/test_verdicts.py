@@ -153,7 +153,12 @@ def test_an_expression_that_cannot_be_calculated_is_one_of_the_ways() -> None:
     assert outcome("say: Hi\nif: base.x > 1 m", "can: fail") == PROVED
     tree = "sequence: [{log: a, if: base.x > 1 m}]\n"
     assert outcome(tree, "can: fail") == PROVED
-    assert outcome(tree.replace("base.x > 1 m", "face.seen"), "can: fail") == REFUTED
+    assert outcome(tree.replace("base.x > 1 m", "base.stopped"), "can: fail") == REFUTED
+
+
+def test_a_sensor_that_stays_silent_is_one_of_the_ways_to_fail() -> None:
+    assert outcome("sequence: [{log: a, if: face.seen}]\n", "can: fail") == PROVED
+    assert outcome("sequence: [face_seen]\non_failure: succeed\n", "can: fail") == REFUTED
 
 
 # Endless missions
