@@ -65,7 +65,11 @@ export class Drive {
     this.#listen();
     watcher.addEventListener("which", () => (this.#let_go(), this.#plan.clear(), this.#state()));
     watcher.addEventListener("scene", ({ detail }) => this.#plan.under(link, detail.world));
-    watcher.addEventListener("state", ({ detail }) => (this.#plan.show(detail), this.#state()));
+    watcher.addEventListener("state", ({ detail }) => {
+      this.#plan.show(detail);
+      this.#state();
+      if (!this.#still.drive || !this.#still.look) this.#send(); // while it moves: by the newest state, as soon as it is there
+    });
     watcher.addEventListener("over", () => (this.#let_go(), this.#state()));
     link.on("how", () => (this.#let_go(), this.#state()));
     link.on("trouble", ({ error }) => {

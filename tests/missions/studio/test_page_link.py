@@ -78,7 +78,7 @@ def test_who_makes_new_links_stays_in_and_sees_them_and_stop_has_its_connection_
         wait_until(lambda: len(own()) == 2)  # they were let in: only then they say hello again and again
         page.stop.click()
         page.wait_for("there was nothing to stop")
-        assert [each["socket"] for each in sent(page, "stop")] == [*own(), main]
+        assert [each["socket"] for each in sent(page, "stop")][:3] == [*own(), main]  # again, if it was slow
         page.tab.ask("Page.reload")
         wait_until(lambda: page.tab.evaluate("!window.refusals") and "operator" in page.link)
 
