@@ -242,6 +242,12 @@ def _further(weather: Weather, parts: list[str], chance: Random) -> Iterator[str
         yield f"base unplugged when base moves for {chance.choice([1.5, 3.0])} s"
 
 
+OF_DRIVES = [
+    "base blocked", "base slipping", "base reversed", "base uncounted", "base e_stopped", "base drifting at 2 deg/s",
+    "base late by 0.5 s",
+]  # fmt: skip
+"""Faults of a base's drive and odometry."""
+
 RUN_FAULTS = ["run stalled", "run stopped", "run paused", "run stopped"]
 
 
@@ -256,9 +262,10 @@ def faults_of(part: str, kind: str, robot: str) -> list[str]:
                 "base button 0 pressed",
                 "base button 2 pressed",
             ]
-            return ["base unplugged", *felt, "base docked", "base driven", "base driven", "base battery at SHARE"]
+            others = ["base unplugged", "base docked", "base driven", "base driven", "base battery at SHARE"]
+            return [*felt, *others, *OF_DRIVES]
         case "base":
-            return ["base unplugged", "base driven"]
+            return ["base unplugged", "base driven", *OF_DRIVES]
         case "arm":
             return [f"{part} unplugged", f"{part} overloaded JOINT", f"{part} turned JOINT to ANGLE"]
         case "camera":
