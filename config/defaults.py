@@ -1,6 +1,7 @@
 """What a user wants where a command names nothing: one file, ``~/.config/missiontree/defaults.yaml``."""
 
 import os
+import pwd
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -37,9 +38,10 @@ class DefaultsKeys:
 def home_folder() -> Path:
     """Return the user's home; for a user without one, as in a container, a folder that does not exist."""
     try:
-        return Path.home()
-    except RuntimeError:
-        return Path("/nonexistent")
+        found = Path(os.environ.get("HOME") or pwd.getpwuid(os.getuid()).pw_dir)
+    except KeyError:
+        found = Path()
+    return found if found.is_absolute() else Path("/nonexistent")
 
 
 def config_folder(environment: Mapping[str, str] = os.environ) -> Path:

@@ -95,7 +95,8 @@ def _own(environment: Mapping[str, str], uid: int) -> Iterator[Path]:
     session = _root(environment) / "run/user" / str(uid)
     if _may_be_there(session):  # it is the system's to create
         yield session / SESSION
-    yield state_folder(environment) / "run" / "runs"
+    if any(Path(environment.get(name, "")).is_absolute() for name in ("HOME", "XDG_STATE_HOME")):
+        yield state_folder(environment) / "run" / "runs"  # without either, it is in the home that follows
     home = _home(environment, uid)
     if home is not None:
         yield home / STATE

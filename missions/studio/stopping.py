@@ -24,7 +24,7 @@ Command = Mapping[str, object]
 RUN_END_TIME = 7.0
 """Seconds that a run which does not answer has to end after SIGTERM: its lifeline kills it after 5."""
 
-STOP_TRIES = 3
+STOP_TRIES = 8
 """How often a run is asked to stop of which a part has not heard it: a busy machine may be late by 0.2 s."""
 
 GONE = (ConnectionRefusedError, FileNotFoundError)

@@ -86,6 +86,7 @@ export class Fleet {
       const wrong = Object.entries(answers).filter(([, each]) => !each.ok).map(([name, each]) => `${name}: ${each.why}`);
       const all = [...silent.map((name) => `${name} DID NOT ANSWER`), ...wrong];
       if (all.length) tell(all.join("; "));
+      else if (!Object.keys(answers).length) tell("No robots in this fleet; none has confirmed.");
       else tell(`${Object.keys(answers).length} robots have confirmed`, "good");
       await this.#fetch();
     } catch (error) {

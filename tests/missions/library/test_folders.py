@@ -1,5 +1,6 @@
 """Where what is kept for the user has its folder."""
 
+import pwd
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,16 @@ def test_the_users_environment_says_where() -> None:
     environment = {"XDG_DATA_HOME": "/data", "XDG_STATE_HOME": "/state"}
     assert data_folder(environment) == Path("/data/missiontree")
     assert state_folder(environment) == Path("/state/missiontree")
+
+
+@pytest.mark.parametrize("home", ["", "relative", None])
+def test_a_user_without_a_home_has_folders_that_do_not_exist(home: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("HOME")
+    if home is None:
+        monkeypatch.setattr(pwd, "getpwuid", {}.__getitem__)
+    else:
+        monkeypatch.setenv("HOME", home)
+    assert state_folder({}) == Path("/nonexistent/.local/state/missiontree")
 
 
 @pytest.mark.parametrize("named", ["", "relative/folder"])
