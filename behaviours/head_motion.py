@@ -88,7 +88,8 @@ class _Gesture(_Swinging):
             if self.robot.head.limits.measured and self._swung < amplitude / 2:
                 far = f"{math.degrees(self._swung):.1f} of {math.degrees(amplitude):.1f} deg"
                 return self.fail(f"the head turned by {far} only: blocked?")
-            self.feedback_message = f"back at {shown(goal)}{unmeasured(self.robot.head)}"
+            if note := unmeasured(self.robot.head):
+                self.feedback_message = f"back at {shown(goal)}{note}"
             return SUCCESS
         if self._arrival.stuck and reading.value is not None:
             return self.fail(f"the head rests at {shown(reading.value)} and does not come back to {shown(goal)}")

@@ -27,7 +27,10 @@ class Shaft:
         elapsed = max(0.0, now - self.stamp)
         self.stamp = max(self.stamp, now)
         reach = self.speed * elapsed
-        self.position += self.grip * min(max(self.goal - self.position, -reach), reach)
+        if self.grip == 1.0 and abs(self.goal - self.position) <= reach:
+            self.position = self.goal  # exactly: a sum may miss it by a rounding error, again and again
+        else:
+            self.position += self.grip * min(max(self.goal - self.position, -reach), reach)
         return self.position
 
     @property

@@ -113,7 +113,7 @@ def test_a_joint_that_does_not_follow_fails_the_play_and_its_error_is_told(robot
     robot.elbow.burden = 2.0
     outcome = mission("servo play up.yaml --robot three.yaml")
     assert outcome.code == 1
-    assert "elbow did not arrive" in outcome.out
+    assert "joint elbow: commanded" in outcome.out
     (row,) = [line.split() for line in outcome.out.splitlines() if line.startswith("elbow ")]
     assert float(row[2]) == pytest.approx(25.0, abs=2.0)  # the worst
 

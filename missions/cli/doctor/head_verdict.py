@@ -20,11 +20,19 @@ TEXTURE = 4.0
 RESPONSE = 0.06
 """Share of the picture's energy in the peak of the correlation, from which on a shift is believed."""
 
-LEAST, MOST = 0.35, 2.5
+AGREEMENT = 0.4
+"""Correlation from which on the whole picture has moved by a shift, and not just somebody in it."""
+
+CONTRAST = 10.0
+"""Grey levels beyond which a contrast counts no more."""
+
+LEAST, MOST = 0.5, 1.7
 """Shares of the expected shift between which a shift is one of this turn."""
 
 STAYED = 0.2
 """Share of the expected shift up to which a picture has not moved."""
+
+SWAPPED = "the servos of pan and tilt are swapped"
 
 CURE = "in the robot file, turn this axis round: `flip` of the servo, or `reverse` of the joint"
 
@@ -47,8 +55,13 @@ def judge(pictures: Pictures, field_of_view: float) -> Iterator[Finding]:
         both = "both axes turn the wrong way, or the camera is mounted upside down"
         yield wrong("pan and tilt", f"{both}: {pan.what}; {tilt.what}", f"look how the camera sits; else {CURE}")
         return
-    yield pan
-    yield tilt
+    swapped = SWAPPED in pan.what and SWAPPED in tilt.what
+    for each in (pan, tilt):  # of swapped plugs both axes tell; of somebody who walks by, one
+        yield (
+            each
+            if swapped or SWAPPED not in each.what
+            else _unknown(each.about, "something else moves in the pictures")
+        )
 
 
 def _axis(pictures: Pictures, poses: tuple[str, str, str], expected: float, *, across: bool) -> Finding:
@@ -67,13 +80,14 @@ def _axis(pictures: Pictures, poses: tuple[str, str, str], expected: float, *, a
         what = f"the picture did not move when the head turned by {ANGLE * 57.3:.0f} deg"
         return warning(name, f"{what}: blocked, or the camera is not on the head", "look whether the head turns")
     off = hypot(there.x + back.x, there.y + back.y)
-    if off > 0.3 * hypot(there.x, there.y) or hypot(rest.x, rest.y) > 0.3 * expected:
+    agrees = min(agreement(before, turned, there), agreement(turned, after, back))
+    if off > 0.3 * hypot(there.x, there.y) or hypot(rest.x, rest.y) > 0.3 * expected or agrees < AGREEMENT:
         return _unknown(name, "something else moves in the pictures")
     told = f"the picture moved by {way:+.0f} px, {expected:+.0f} expected"
     if abs(aside) > 2 * abs(way) and LEAST * expected <= abs(aside) <= MOST * expected:
-        what = f"it moves the picture {'sideways' if across else 'up and down'}: the servos of pan and tilt are swapped"
+        what = f"it moves the picture {'sideways' if across else 'up and down'}: {SWAPPED}"
         return wrong(name, what, "swap the plugs of the two servos, or their numbers in the robot file")
-    if not LEAST * expected <= abs(way) <= MOST * expected or abs(aside) > abs(way):
+    if not LEAST * expected <= abs(way) <= MOST * expected or abs(aside) > abs(way) / 4 + 4:
         return _unknown(name, told)
     if way < 0:
         return wrong(name, f"turns the wrong way: {told}", CURE)
@@ -87,6 +101,23 @@ def shift(one: Image, other: Image) -> Shift:
     window = cv2.createHanningWindow((one.shape[1], one.shape[0]), cv2.CV_32F)
     (x, y), response = cv2.phaseCorrelate(_even(one), _even(other), window)
     return Shift(float(x), float(y), float(response))
+
+
+def agreement(one: Image, other: Image, moved: Shift) -> float:
+    """Return the correlation (-1..1) of two pictures where they overlap, once the shift between them is undone."""
+    x, y = round(moved.x), round(moved.y)
+    height, width = one.shape[:2]
+    if abs(x) >= width or abs(y) >= height:
+        return 0.0
+    here = _flat(one)[max(0, -y) : height - max(0, y), max(0, -x) : width - max(0, x)]
+    there = _flat(other)[max(0, y) : height - max(0, -y), max(0, x) : width - max(0, -x)]
+    power = float(np.sqrt(np.sum(here**2) * np.sum(there**2)))
+    return float(np.sum(here * there)) / power if power else 0.0
+
+
+def _flat(image: Image) -> "np.ndarray[tuple[int, ...], np.dtype[np.float32]]":
+    """Return a picture in which somebody of strong contrast weighs no more than the room."""
+    return np.clip(_even(image), -CONTRAST, CONTRAST)
 
 
 def _even(image: Image) -> "np.ndarray[tuple[int, ...], np.dtype[np.float32]]":
