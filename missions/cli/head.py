@@ -20,6 +20,7 @@ from missions.cli.head_bench import HEAD, Bench, head_option, opened, pause, rob
 from missions.cli.keys import Keys
 from missions.cli.numbers import Real
 from missions.cli.origin import robot_file
+from missions.cli.outputs import check_writable
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.status_line import show_over
 from missions.cli.trimming import HELP, trim_by_hand
@@ -112,6 +113,7 @@ def trim(
     try:
         if keep:
             check_keepable(path, again)
+            check_writable(path, "--keep")
         with opened(robot, simulate=simulate, port=port, head=head) as bench:
             trims = _by_hand(bench) if by_hand else _set(bench, pan, tilt)
         if trims is None:

@@ -4,6 +4,7 @@ import io
 import os
 import sys
 from collections.abc import Callable, Iterator
+from errno import ENOSPC
 from math import radians, sin
 from pathlib import Path
 from typing import Self
@@ -182,6 +183,31 @@ def test_home_looks_whether_its_file_can_be_written_before_anything_goes_limp(
     assert "--into" in outcome.err
     assert not arm.limp
     assert bytes(arm.table[:40]) == before
+
+
+def test_a_full_disk_is_noticed_before_anything_goes_limp(
+    arm: VirtualServo, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("missions.cli.outputs.os.fsync", full)
+    outcome = run("servo home --robot two.yaml --into found.json --seconds 0.2 --yes")
+    assert (outcome.code, "df -h" in outcome.err) == (2, True), outcome.err
+    assert not arm.limp
+    assert not Path("found.json").exists()
+    assert [each.name for each in Path().iterdir()] == ["two.yaml"]
+
+
+@pytest.mark.parametrize("how", HOWS)
+def test_a_play_looks_whether_its_table_can_be_written_before_anything_moves(
+    arm: VirtualServo, run: Run, how: str
+) -> None:
+    Path("nod.yaml").write_text("gesture: nod\nkeyframes:\n  - {at: 0 s, elbow: 5 deg}\n  - {at: 1 s, elbow: 9 deg}\n")
+    before = arm.get("goal_position")
+    outcome = run(f"servo play nod.yaml --robot two.yaml --csv {blocked(Path('found.csv'), how)}")
+    assert (outcome.code, "--csv" in outcome.err) == (2, True), outcome.err
+    assert arm.get("goal_position") == before
 
 
 @pytest.mark.parametrize("how", HOWS)

@@ -16,6 +16,7 @@ from config.library import find, shipped
 from drivers.api import Gesture, JointLimits
 from missions.cli.names import GESTURE
 from missions.cli.numbers import Real
+from missions.cli.outputs import check_writable
 from missions.cli.root import SUCCESS
 from missions.cli.servo.running import run_leaf
 from missions.cli.servo.tables import followed, poses, rehearsed, write_csv
@@ -94,9 +95,9 @@ def _check_files(plot: Path | None, table: Path | None, *, dry_run: bool) -> Non
         raise click.UsageError("--csv is what was measured, and --dry-run measures nothing")
     if plot is not None and plot.suffix not in (formats := _drawing().FORMATS):
         raise click.UsageError(f"--plot: {plot}: a picture ends in {' or '.join(formats)}")
-    for path in (plot, table):
-        if path is not None and not path.parent.is_dir():
-            raise click.UsageError(f"{path.parent}: no such folder")
+    for path, option in ((plot, "--plot"), (table, "--csv")):
+        if path is not None:
+            check_writable(path, option)
 
 
 def _summary(movement: Gesture, playing: Playing, speed: float) -> str:
