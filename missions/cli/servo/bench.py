@@ -19,7 +19,7 @@ from drivers.clock import Clock, SystemClock
 from drivers.dynamixel import wire
 from drivers.dynamixel.bus import At, Bus, Identity
 from drivers.dynamixel.declared import DynamixelKeys
-from drivers.dynamixel.identification import LOOKS, pings_alone, require_sole
+from drivers.dynamixel.identification import pings_alone, require_sole
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.make import VIRTUAL_REPLY_TIMEOUT
 from drivers.dynamixel.make import joints as specs
@@ -148,10 +148,10 @@ class Bench:
             return self.bus.tally(at.id).corrupt > corrupt or self.bus.noise() > noise
         return True
 
-    def require_sole(self, joint: Joint, *, looks: int = LOOKS) -> None:
+    def require_sole(self, joint: Joint) -> None:
         """Raise DeviceFault unless one servo alone, of the file's model, has the joint's ID; NoReply, NotConnected."""
         try:
-            require_sole(self.bus, joint.at, joint.model.number, looks=looks)
+            require_sole(self.bus, joint.at, joint.model.number)
         except DeviceFault as error:
             raise DeviceFault(f"{joint.title}: {error}", hint=error.hint) from error
         except NoReply as error:

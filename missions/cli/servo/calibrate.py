@@ -124,7 +124,7 @@ def limp(bench: Bench, joints: Iterable[Joint], *, yes: bool) -> None:
     stiff = any(bench.bus.read(joint.at, joint.model.table["torque_enable"]) for joint in joints)
     confirm_limp([joint.name for joint in joints], stiff=stiff, simulated=bench.simulated, yes=yes)
     for joint in joints:
-        bench.require_sole(joint, looks=2)  # a person may have replugged something meanwhile
+        bench.require_sole(joint)  # a person may have replugged something meanwhile
         bench.bus.write(joint.at, joint.model.table["torque_enable"], 0)
 
 

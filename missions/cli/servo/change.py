@@ -86,8 +86,7 @@ def _wake(bench: Bench, who: str, *, yes: bool) -> None:
     model. Raises DeviceFault for one that shares its ID or has an unknown model; NoReply for one that stays silent.
     """
     for at in bench.mute(who):
-        if evidence := ping_evidence(bench.bus, at):
-            raise DeviceFault(f"two servos with ID {at.id}, or a bad cable: {evidence}", hint=UNPLUG.format(at.id))
+        _require_one_ping(bench, at)
         model = MODELS["AX-12A"] if at.protocol != 2 else model_of(bench.bus.ping(at))
         if model is None:
             raise DeviceFault(f"servo {at.id}: its model is not known here", hint="mission servo scan")
@@ -96,6 +95,7 @@ def _wake(bench: Bench, who: str, *, yes: bool) -> None:
             if not sys.stdin.isatty():
                 raise click.UsageError("this writes the EEPROM: add --yes, or confirm it at a terminal")
             click.confirm("write this into the EEPROM?", abort=True, err=True)
+            _require_one_ping(bench, at)  # a person may have replugged something meanwhile
         with suppress(NoReply):
             bench.bus.write(at, model.table[LEVEL], ANSWERS_ALL)
         try:
@@ -104,6 +104,12 @@ def _wake(bench: Bench, who: str, *, yes: bool) -> None:
             hint = "switch its power off and on, then try again: its EEPROM is locked while it has torque"
             raise NoReply(f"servo {at.id} still answers no reads", hint=hint) from error
         click.echo(f"servo {at.id}: answers reads again")
+
+
+def _require_one_ping(bench: Bench, at: At) -> None:
+    """Raise DeviceFault if pings show that servos share an ID."""
+    if evidence := ping_evidence(bench.bus, at):
+        raise DeviceFault(f"two servos with ID {at.id}, or a bad cable: {evidence}", hint=UNPLUG.format(at.id))
 
 
 def _set(bench: Bench, wanted: Mapping[At, tuple[Model, Mapping[str, int]]], *, yes: bool) -> int:

@@ -157,6 +157,7 @@ def reboot(target: Target, servo: str, yes: bool) -> int:
         require_sole(bench.bus, at, model.number)
         stiff = bool(bench.bus.read(at, model.table["torque_enable"]))
         confirm_limp([f"servo {at.id}"], stiff=stiff, simulated=bench.simulated, yes=yes)
+        require_sole(bench.bus, at, model.number)  # a person may have replugged something meanwhile
         bench.bus.reboot(at)
         pause(BOOT)
         bench.bus.ping(at)
