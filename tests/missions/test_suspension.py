@@ -14,12 +14,18 @@ import missions
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf, argument
 from config.faults import Source
+from config.library import find
 from drivers.errors import SensorSilent
+from missions.executive.events import NodeChanged
 from missions.language.document import check_plan
 from missions.language.guards import actions_as_guards
+from missions.library.drivers import load_robot
+from missions.records.replay.rerun import rerun
+from missions.testing.suite import load_suite
 from tests.conformance.harness import Play
 from tests.conformance.probes import Bench
 from tests.missions.command import Outcome, command
+from tests.missions.records.replay.past import past_of_case
 from tests.tries import tries
 
 TREES = tries(60, most=200)
@@ -162,15 +168,20 @@ BACK = [
 ]
 
 
-def outcome(tree: str, fault: str, expected: str, folder: Path, capsys: Capture) -> Outcome:
-    """Test a mission in simulated time, in an empty room, while something goes wrong."""
+def suite(tree: str, fault: str, expected: str, folder: Path, robot: str = "turtlebot2") -> Path:
+    """Write a mission and its test: simulated time, an empty room, and something that goes wrong."""
     (folder / "trial.yaml").write_text(f"mission: trial\ntree: {{{tree}}}\n", "utf-8")
     (folder / "trial.test.yaml").write_text(
-        "tests: trial\nwith: {robot: turtlebot2, world: square_arena, eyes: truth}\n"
+        f"tests: trial\nwith: {{robot: {robot}, world: square_arena, eyes: truth}}\n"
         f"cases:\n  - case: it\n    given: [{fault}]\n    expect: {expected}\n",
         "utf-8",
     )
-    return command(capsys, "test", str(folder / "trial.test.yaml"))
+    return folder / "trial.test.yaml"
+
+
+def outcome(tree: str, fault: str, expected: str, folder: Path, capsys: Capture) -> Outcome:
+    """Run such a test."""
+    return command(capsys, "test", str(suite(tree, fault, expected, folder)))
 
 
 @pytest.mark.parametrize("tree", BACK)
@@ -205,6 +216,55 @@ def test_a_timeout_inside_a_suspended_node_fires(tmp_path: Path, capsys: Capture
     expected = "{result: success, said: gave up, within: 6 s}"
     found = outcome(tree, "range unplugged at 2 s", expected, tmp_path, capsys)
     assert found.code == 0, found.out
+
+
+def test_the_base_stands_while_its_action_is_not_ticked(tmp_path: Path, capsys: Capture) -> None:
+    tree = "reactive_selector: [{face_seen: 1 s}, {drive: 1.5 m}]"
+    expected = "{result: failure, reason: the camera has not reported for 5 s, pose: {near: [-0.9 m, -1.5 m]}}"
+    found = outcome(tree, "camera unplugged at 2 s", expected, tmp_path, capsys)
+    assert found.code == 0, found.out
+
+
+@pytest.mark.parametrize(
+    ("fault", "expected"),
+    [
+        ("range unplugged from 1 s to 4 s", "{result: success, said: done}"),
+        ("range unplugged at 1 s", "{result: failure, reason: the range finder has not reported for 5 s}"),
+    ],
+)
+def test_a_sub_mission_waits_for_the_sensors_of_its_params(
+    fault: str, expected: str, tmp_path: Path, capsys: Capture
+) -> None:
+    (tmp_path / "inner.yaml").write_text(
+        "mission: inner\nparams: {far: {type: length}}\ntree: {say: done, if: far > 1 cm}\n", "utf-8"
+    )
+    tree = "sequence: [{wait: 2 s}, {mission: ./inner.yaml, with: {far: '${range.ahead}'}}]"
+    found = outcome(tree, fault, expected, tmp_path, capsys)
+    assert found.code == 0, found.out
+
+
+def test_the_robot_file_says_how_long_a_sensor_is_waited_for(tmp_path: Path, capsys: Capture) -> None:
+    robot = tmp_path / "patient.yaml"
+    robot.write_text("sensor_timeout: 2 s\n" + find("robots", "turtlebot2").read_text("utf-8"), "utf-8")
+    tree = "reactive_selector: [{face_seen: 1 s}, {wait: 20 s}]"
+    expected = "{result: failure, reason: the camera has not reported for 2 s, within: 6 s}"
+    path = suite(tree, "camera unplugged at 2 s", expected, tmp_path, robot=str(robot))
+    found = command(capsys, "test", str(path))
+    assert found.code == 0, found.out
+
+
+def test_a_run_that_was_suspended_is_decided_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tree = "reactive_selector: [{say: near, while: range.ahead < 5 cm}, {drive: 50 cm}]"
+    (case,) = load_suite(suite(tree, "range unplugged from 2 s to 3 s", "{result: success}", tmp_path))
+    verdict, past = past_of_case(case, monkeypatch)
+    assert verdict.passed
+    told = {
+        event.node: event.reason
+        for event in past.events
+        if isinstance(event, NodeChanged) and event.status == "suspended"
+    }
+    assert told == dict.fromkeys(("1", "1.1"), "waiting: the range finder does not report")
+    assert rerun(past, past.runner.plan, load_robot(find("robots", "turtlebot2"))).same
 
 
 # --- leaves of other distributions ------------------------------------------------------------------------------------

@@ -330,3 +330,14 @@ def test_a_fault_within_the_bound_is_refuted_even_where_the_rest_is_not_explored
     found = explored("parallel: [{drive: 1 m}, {gesture: hello}]\nrepeat: 3", "never: gesture while drive", bound=4)
     assert outcomes(found)["never: gesture while drive"] == REFUTED
     assert outcomes(found)[CAN_END] == UNDECIDED
+
+
+# Silent sensors
+
+
+def test_a_sensor_that_stays_silent_ends_a_reactive_composite_as_a_whole() -> None:
+    tree = "reactive_sequence: [{face_seen: 1 s, on_failure: succeed}, {say: Hi}]"
+    report = str(explored(tree, "always eventually: say"))
+    assert "1. the camera does not report -> " in report
+    assert "reactive_sequence (line 4) suspended" in report
+    assert "5 s are over" in report
