@@ -156,7 +156,9 @@ class RangeGuard:
         braking = max(abs(going.linear) / limits.linear_acceleration, abs(going.angular) / limits.angular_acceleration)
         reach = self._reach(going)
         length = max(reaction + braking / 2, GRAZING / reach)  # of the path, in seconds at full speed
-        found = self._near(_placed(values), going, length, reaction + braking)
+        # What moves has gone on since the scan.
+        age = 0.0 if self._scan is None else max(0.0, now - self._scan.stamp)
+        found = self._near(_placed(values), going, length, age + reaction + braking)
         if found is None:
             return 1.0, ""
         x, y, speeds = found
@@ -174,7 +176,9 @@ class RangeGuard:
         margin = clear - np.minimum(now_clear, gap)
         share, place = _share_until(margin, times, reaction, braking)
         if self._points.moving and share > 0.0:
-            share, place = _share_among_moving(clear, now_clear, speeds, gap, times, reaction, braking, (share, place))
+            share, place = _share_among_moving(
+                clear, now_clear, speeds, gap, times, reaction, braking, age, (share, place)
+            )
         if share >= 1.0:
             return 1.0, ""
         return share, _words(float(now_clear[place, 0]), float(x[place]), float(y[place]))
@@ -266,6 +270,7 @@ def _share_among_moving(
     times: Floats,
     reaction: float,
     braking: float,
+    age: float,
     found: tuple[float, int],
 ) -> tuple[float, int]:
     """Return the same where some points move; ``found`` is what the others leave."""
@@ -284,7 +289,7 @@ def _share_among_moving(
         spent = np.minimum(times[covered] / tried, reaction)
         if braking > 1e-9:
             spent = spent + braking * (tried - np.sqrt(np.maximum(tried * tried - 2 * rest / braking, 0.0)))
-        margin = clear[:, covered] - np.minimum(now_clear, gap + speeds * spent)
+        margin = clear[:, covered] - np.minimum(now_clear, gap + speeds * (age + spent))
         worst = int(margin.min(axis=1).argmin())
         if margin[worst].min() >= -ROUNDING:
             return tried, place

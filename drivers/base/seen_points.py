@@ -9,6 +9,7 @@ from collections import deque
 from math import cos, sin, tau
 
 import numpy as np
+import numpy.typing as npt
 
 from drivers.api import RangeScan
 from drivers.api.quick import dataclass
@@ -25,6 +26,10 @@ COMPARED_AFTER = 0.3
 
 NOISE, NOISE_SHARE, NOISE_TURNING = 0.04, 0.02, 0.08
 """Metres that a point may be off, and the same as a share of its distance, at rest and per rad/s of turning."""
+
+MOVING_FOR, MOVING_NEAR = 1.0, 0.5
+"""Seconds for which a point so near (m) to one that moved may be a part of it, however slow it seems: people turn round
+and stop for a moment."""
 
 NEAR = 1.5
 """Metres from the finder within which points are kept that it does not see any more."""
@@ -70,11 +75,12 @@ class SeenPoints:
         self._blind = tuple((first, (second - first) % tau) for first, second in blind)
         self._earlier: deque[PlacedScan] = deque()
         self._seen_at: Floats = np.empty(0)
+        self._moved: deque[tuple[float, Floats, Floats, Floats]] = deque()  # when and where points moved, how fast
 
     def add(self, scan: RangeScan, pose: Placed, now: float) -> None:
         """Take a new scan, made while the base was at ``pose``."""
         placed = self._placed(_thinned(scan), pose)
-        speeds = self._speeds(placed)
+        speeds = self._inherited(placed, self._speeds(placed), now)
         kept = self._kept(placed, now)
         self.x = np.concatenate((placed.points_x, self.x[kept]))
         self.y = np.concatenate((placed.points_y, self.y[kept]))
@@ -106,19 +112,37 @@ class SeenPoints:
         farthest = before.scan.most if np.isfinite(before.scan.most) else 100.0
         ranges = np.nan_to_num(before.scan.ranges.astype(np.float64), nan=farthest)
         seen = np.minimum(ranges, np.minimum(np.roll(ranges, 1), np.roll(ranges, -1)))
-        noise = NOISE + (NOISE_SHARE + NOISE_TURNING * turning) * distance
+        noise = _noise(distance, turning)
         inside = index < len(ranges)
         came = np.flatnonzero(inside & (seen[np.where(inside, index, 0)] > distance + noise))
         if not len(came):
             return speeds
-        # Between the same two times, what has come into the free space was at some point of the earlier scan.
         dx = placed.points_x[came, None] - before.points_x
         dy = placed.points_y[came, None] - before.points_y
-        moved = np.sqrt((dx * dx + dy * dy).min(axis=1))
-        speeds[came] = np.minimum((moved + noise[came]) / past, MAX_SPEED)
+        away = np.sqrt(dx * dx + dy * dy)
+        moves = away.min(axis=1) > noise[came]  # else it is the edge of what was there before
+        # It was at a point of the earlier scan that is empty now; what is there still was something else.
+        gone = ~_still_seen(placed, before.points_x, before.points_y, turning)
+        moved = np.where(gone, away, np.inf).min(axis=1)
+        speeds[came] = np.where(moves, np.minimum((moved + noise[came]) / past, MAX_SPEED), 0.0)
         return speeds
 
-    def _kept(self, placed: PlacedScan, now: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    def _inherited(self, placed: PlacedScan, speeds: Floats, now: float) -> Floats:
+        """Return the speeds of new points, with those of what has moved there lately."""
+        found = speeds
+        for at, x, y, known in self._moved:
+            if now - at <= MOVING_FOR:
+                dx, dy = placed.points_x[:, None] - x, placed.points_y[:, None] - y
+                near = dx * dx + dy * dy <= MOVING_NEAR * MOVING_NEAR
+                found = np.maximum(found, np.where(near, known, 0.0).max(axis=1))
+        while self._moved and now - self._moved[0][0] > MOVING_FOR:
+            self._moved.popleft()
+        if speeds.any():
+            moves = np.flatnonzero(speeds)
+            self._moved.append((now, placed.points_x[moves], placed.points_y[moves], speeds[moves]))
+        return found
+
+    def _kept(self, placed: PlacedScan, now: float) -> npt.NDArray[np.bool_]:
         """Return which of the points so far may still be there, though the new scan does not show them."""
         if not len(self.x):
             return np.zeros(0, dtype=np.bool_)
@@ -128,16 +152,31 @@ class SeenPoints:
         inside = index < len(ranges)
         unseen = ~inside | nothing[np.where(inside, index, 0)]
         most = np.where(distance <= placed.scan.least + TOO_NEAR, KEPT_TOO_NEAR, KEPT)
-        kept: np.ndarray[tuple[int], np.dtype[np.bool_]] = unseen & (distance <= NEAR) & (now - self._seen_at <= most)
+        kept: npt.NDArray[np.bool_] = unseen & (distance <= NEAR) & (now - self._seen_at <= most)
         return kept
 
 
-def _beams(placed: PlacedScan, x: Floats, y: Floats) -> tuple[np.ndarray[tuple[int], np.dtype[np.intp]], Floats]:
+def _beams(placed: PlacedScan, x: Floats, y: Floats) -> tuple[npt.NDArray[np.intp], Floats]:
     """Return by which beam of a scan each point would be seen (beyond the last: by none), and how far it is."""
     dx, dy = x - placed.x, y - placed.y
     scan = placed.scan
     around = np.remainder(np.arctan2(dy, dx) - placed.heading - scan.start + scan.step / 2, tau)
     return (around / scan.step).astype(np.intp), np.hypot(dx, dy)
+
+
+def _noise(distance: Floats, turning: float) -> Floats:
+    """Return how far points may be off, in metres, of a base that turned by so many rad/s."""
+    return NOISE + (NOISE_SHARE + NOISE_TURNING * turning) * distance
+
+
+def _still_seen(placed: PlacedScan, x: Floats, y: Floats, turning: float) -> npt.NDArray[np.bool_]:
+    """Return which of some earlier points a scan still shows."""
+    index, distance = _beams(placed, x, y)
+    ranges = placed.scan.ranges
+    inside = index < len(ranges)
+    with np.errstate(invalid="ignore"):
+        off = np.abs(ranges[np.where(inside, index, 0)] - distance)
+        return inside & (off <= _noise(distance, turning))
 
 
 def _unscanned(scan: RangeScan) -> tuple[tuple[float, float], ...]:
