@@ -200,6 +200,14 @@ def test_it_stands_by_the_time_that_somebody_walks_into_it(pace: float, speed: f
     assert not room.touched_moving
 
 
+def test_without_a_measured_speed_it_would_still_move_then(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("drivers.base.seen_points.MAX_SPEED", 0.0)
+    anna = Person("Anna", x=6.0, y=0.0, path=((1.0, 0.0),), speed=1.0, start=0.6, loop=False)
+    room = GuardedBase(World(room=Room(40.0, 40.0, centre=(0.0, 0.0), fixtures=()), people=(anna,)), speed=0.5)
+    room.drive(0.5, seconds=6.0)
+    assert room.touched_moving
+
+
 def test_it_follows_somebody_who_walks_away() -> None:
     anna = Person("Anna", x=0.9, y=0.0, path=((6.0, 0.0),), speed=0.4, start=0.6, loop=False)
     room = GuardedBase(World(room=Room(40.0, 40.0, centre=(0.0, 0.0), fixtures=()), people=(anna,)))

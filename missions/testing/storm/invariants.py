@@ -144,6 +144,13 @@ def latched(seen: Witness) -> Iterator[str]:
                 yield f"at {now.time:.2f} s the base is not latched, though the run was stopped at {stop.start:.2f} s"
 
 
+@invariant("a base with a range guard drives into nothing that was visible in time")
+def no_touch(seen: Witness) -> Iterator[str]:
+    """See ``missions.testing.storm.touching``."""
+    for touch in [] if seen.touching is None else seen.touching.bad:
+        yield f"at {touch.time:.2f} s the base drives into {touch.what} at {touch.speed:.2f} m/s"
+
+
 @invariant("no actuator has two owners")
 def one_owner(seen: Witness) -> Iterator[str]:
     """See what the history has found."""

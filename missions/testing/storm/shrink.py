@@ -45,6 +45,7 @@ def shrunk(outcome: Outcome, told: Callable[[Outcome], object] = lambda _: None)
         {"alone": False},
         {"limbs": 1.0},
         {"record": ""},
+        {"crowd": 0},
     ]
     for each in easier:
         weather = replace(outcome.weather, **each)

@@ -131,7 +131,7 @@ class TouchWatch:
         for each in reversed(self._samples):
             if each.time < begin:
                 return True
-            if not each.scans:
+            if not each.scans and each.time <= now - LOOKED_EVERY:  # a run that fails by the touch ends them
                 return False
             if each.time <= last - LOOKED_EVERY:
                 last = each.time

@@ -23,6 +23,7 @@ from missions.library.shipped import load_mission, shipped_missions
 from missions.library.target import target_of
 from missions.library.things import THINGS
 from missions.library.vocabulary import vocabulary
+from missions.testing.storm.crowds import crowded
 from missions.testing.storm.others import OTHERS, others_of
 from missions.testing.storm.trees import Trees
 
@@ -70,6 +71,9 @@ FLAT = 0.15
 RECORDED = 0.06
 """The share of runs that are recorded; in half of them something happens to the recorder."""
 
+GUARDED = ("turtlebot2",)
+"""Robots whose base has a range guard: people and furniture are put in their way."""
+
 STOPPED = 0.3
 """The share of runs that are stopped in the midst of a command."""
 
@@ -88,7 +92,8 @@ class Weather:
     phrases of test files. ``seconds`` after its start somebody ends the mission, if it has not ended by then.
     ``record`` says what becomes of the run's record. At the command of number ``stop_at`` somebody stops it, for
     ``stop_for`` seconds, between its tick and the device; that tick then ``hangs`` for some seconds. If the stop is
-    ``alone``, nothing but the latch holds the robot still: ticks go on.
+    ``alone``, nothing but the latch holds the robot still: ticks go on. ``crowd`` is how many people, and how many
+    pieces of furniture, are in the robot's way beside those of the world.
     """
 
     seed: int
@@ -108,6 +113,7 @@ class Weather:
     stop_for: float = 1.0
     hangs: float = 0.0
     alone: bool = False
+    crowd: int = 0
 
     def robot_text(self) -> str:
         """Return the robot's file."""
@@ -130,7 +136,9 @@ class Weather:
         given: dict[str, Any] = dict(self.physics)
         if "battery" in given:
             given["battery"] = BatteryConfig(level=given["battery"], drain=DRAIN)
-        return replace(world, physics=replace(world.physics, **given))
+        world = replace(world, physics=replace(world.physics, **given))
+        chance = Random(f"storm {self.seed} crowd")  # noqa: S311 - a draw is no secret
+        return crowded(world, chance, people=self.crowd, furniture=self.crowd) if self.crowd else world
 
     def plan(self, robot: RobotConfig) -> Plan:
         """Read and check the mission. Raises InvalidFileError."""
@@ -167,6 +175,8 @@ def draw(seed: int) -> Weather:
         alone=chance.random() < 0.4,
     )
     config = weather.robot_config()
+    if robot in GUARDED:  # by a draw of its own: others are as they were
+        weather = replace(weather, crowd=Random(f"storm {seed} crowds").choice([0, 1, 2, 3]))  # noqa: S311
     weather, plan = _with_mission(weather, config, chance)
     parts = sorted(with_carriers(config, plan.tree.parts))
     faults = (*_schedule(weather, config, parts, chance), *_further(weather, parts, chance))

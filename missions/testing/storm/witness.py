@@ -16,6 +16,7 @@ from missions.testing.history import History
 from missions.testing.mishaps import Mishap
 from missions.testing.storm.leaves import LEFT, STOPS_NOT
 from missions.testing.storm.record import StormRecord
+from missions.testing.storm.touching import TouchWatch
 
 SAMPLE = 0.02
 """Seconds between two looks at the truth."""
@@ -44,7 +45,7 @@ class Witness:
 
     ``claimed`` says at which times each part was a running leaf's, ``back`` when it came back; ``ended`` is when the
     mission was over, ``lag`` by how much later the wheels obey. ``at_command`` is called at each command, within the
-    tick that it comes from.
+    tick that it comes from. ``touching`` looks at what a base with a range guard drives into.
     """
 
     history: History = field(default_factory=History)
@@ -61,6 +62,7 @@ class Witness:
     leaves: Mapping[str, Leaf] = field(default_factory=dict)
     record: StormRecord | None = None
     at_command: Callable[[], object] = ignore
+    touching: TouchWatch | None = None
     _runner: Runner | None = None
     _left: set[str] = field(default_factory=set)  # by one that meant to leave it moving
     _claiming: set[str] = field(default_factory=set)  # as of the last tick: also while none comes
@@ -71,6 +73,11 @@ class Witness:
         self.leaves = {leaf.key: leaf for leaf in runner.root.iterate() if isinstance(leaf, Leaf)}
         base = self.twins.base
         self.history.watch(runner.root, None if base is None else lambda: base.body.velocity)
+        keys, finder = self.config.base, self.config.range
+        if base is not None and keys is not None and finder is not None and "range" in self.twins.parts and keys.guards:
+            self.touching = TouchWatch(
+                self.twins.world, base, finder.place, acceleration=keys.acceleration, height=finder.position[2]
+            )
         self.twins.timeline.every(SAMPLE, self._sample)
 
     def __call__(self, event: Event) -> None:
@@ -159,6 +166,9 @@ class Witness:
         twins, now = self.twins, self.twins.timeline.clock.now()
         for part in self._claiming | self._left if not self.ended else ():
             self.claimed.setdefault(part, []).append(now)
+        if self.touching is not None:
+            parts = twins.parts
+            self.touching.look(now, scans=parts["range"].plug.online and parts["base"].plug.online)
         speeds, by_hand, latched, weak = (0.0, 0.0), False, True, False
         angles: dict[tuple[str, str], float] = {}
         for part, twin in twins.parts.items():

@@ -14,7 +14,8 @@ from behaviours.head import Look
 from behaviours.leaf import Leaf
 from behaviours.mirror import Mirror as Led
 from behaviours.stopping import Stopping
-from drivers.api import ignore
+from drivers.api import Velocity, ignore
+from drivers.base.range_guard import RangeGuard
 from drivers.base.steered import SteeredBase
 from drivers.errors import DeviceFault
 from drivers.sim.twins.joints import JointsTwin
@@ -137,6 +138,14 @@ def gone_on(executive: Executive) -> Status:
     return executive.root.execute_tick()
 
 
+def unlimited(_: object, going: Velocity, *_told: object, **_more: object) -> tuple[Velocity, str]:
+    """Limit nothing, whatever the range finder sees."""
+    return going, ""
+
+
+INTO_ANNA = replace(weather(mission="mission: storm\ntree:\n  drive: 4 m\n"), world="obstacles", seconds=20.0)
+
+
 def slow(mission: str) -> Weather:
     return replace(weather(mission=mission), robot="turtlebot2_arm", limbs=0.1)
 
@@ -151,6 +160,7 @@ def on_others(mission: str, part: str = "", faults: tuple[str, ...] = ()) -> Wea
     ("owner", "name", "fault", "shows", "promise"),
     [
         (SteeredBase, "latch", ignore, weather("run stopped at 1 s for 1 s"), "latched"),
+        (RangeGuard, "limit", unlimited, INTO_ANNA, "no_touch"),
         (Executive, "_keep_watch", ignore, weather(*PAUSED), "battery"),
         (Executive, "_give_up", gone_on, weather("base battery at 3 % at 0.1 s"), "battery"),
         (Decided, "__call__", ignore, weather("base unplugged at 1 s for 2 s"), "anew"),
