@@ -14,13 +14,10 @@ def test_the_users_environment_says_where() -> None:
     assert state_folder(environment) == Path("/state/missiontree")
 
 
-@pytest.mark.parametrize("home", ["", "relative", None])
-def test_a_user_without_a_home_has_folders_that_do_not_exist(home: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("HOME")
-    if home is None:
-        monkeypatch.setattr(pwd, "getpwuid", {}.__getitem__)
-    else:
-        monkeypatch.setenv("HOME", home)
+@pytest.mark.parametrize("home", ["", "relative"])
+def test_a_user_without_a_home_has_folders_that_do_not_exist(home: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", home)
+    monkeypatch.setattr(pwd, "getpwuid", {}.__getitem__)
     assert state_folder({}) == Path("/nonexistent/.local/state/missiontree")
 
 
