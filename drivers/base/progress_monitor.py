@@ -11,8 +11,17 @@ from typing import Protocol
 
 from drivers.api import STILL, BaseState, Pose2D, Velocity
 from drivers.api.quick import dataclass
-from drivers.base.hazards import describe
-from drivers.base.motion_fault import MotionFault
+from drivers.base.motion_fault import (
+    ANGULAR_CAUSES,
+    LINEAR_CAUSES,
+    MotionFault,
+    commanded,
+    felt,
+    hint_of,
+    metres,
+    overcurrent,
+    reported_by,
+)
 from drivers.base.motion_window import MotionSums, MotionWindow, SentVelocities, moved, plus
 
 WINDOW, SLOW_WINDOW = 1.0, 3.0
@@ -44,6 +53,9 @@ TURN_PER_WAY = 0.5
 
 WAY_PER_TURN = 0.03
 """Metres that each radian may move it: the middle of a turn is not that of the base."""
+
+CRAWL = 0.05
+"""m/s below which friction may hold a base."""
 
 OVERCURRENT_TIMEOUT = 1.0
 """Seconds of overload after which a base is stopped, whatever its encoders count: its wheels may slip."""
@@ -119,7 +131,7 @@ class ProgressMonitor:
             return None
         if now - self._reported_at > NO_DATA_TIMEOUT:
             return MotionFault(
-                f"{_commanded(sent)}, and no report of the base for {NO_DATA_TIMEOUT:g} s", "look at its cable"
+                f"{commanded(sent)}, and no report of the base for {NO_DATA_TIMEOUT:g} s", "look at its cable"
             )
         if not new:
             return None
@@ -174,7 +186,7 @@ class ProgressMonitor:
             self._overloaded_since = now
         if now - self._overloaded_since < OVERCURRENT_TIMEOUT:
             return None
-        reason = f"{_commanded(sent)}, {_overcurrent(state)} for {OVERCURRENT_TIMEOUT:g} s: something holds the base"
+        reason = f"{commanded(sent)}, {overcurrent(state)} for {OVERCURRENT_TIMEOUT:g} s: something holds the base"
         return MotionFault(reason, "free its wheels and its way")
 
     def _compare(self, sent: Velocity, state: BaseState) -> MotionFault | None:
@@ -194,11 +206,13 @@ class ProgressMonitor:
         off = deviation(low, high, measured, TOLERANCE.linear + more, OPPOSITE.linear + more)
         if off is None:
             return None
-        told = _commanded(Velocity(sent.linear or (low + high) / 2 / motion.at, 0.0))
-        found = f"{self._instruments.linear} report {_metres(measured)}"
-        cause, hint = _LINEAR[off]
+        told = commanded(Velocity(sent.linear or (low + high) / 2 / motion.at, 0.0))
+        found = f"{reported_by(self._instruments.linear)} {metres(measured)}"
+        cause, hint = LINEAR_CAUSES[off]
+        if off == "none" and 0.0 < abs(sent.linear) < CRAWL:
+            cause += ", or its motors cannot turn so slowly"
         if off in ("none", "less"):
-            cause, hint = cause + _felt(state), _hint(state) or hint
+            cause, hint = cause + felt(state), hint_of(state) or hint
         return MotionFault(f"{told} for {motion.at:.1f} s, {found}: {cause}", hint)
 
     def _turns(self, motion: MotionSums, sent: Velocity, state: BaseState, way: float) -> MotionFault | None:
@@ -207,11 +221,11 @@ class ProgressMonitor:
         off = deviation(low, high, measured, TOLERANCE.angular + more, OPPOSITE.angular + more)
         if off is None:
             return None
-        told = _commanded(Velocity(0.0, sent.angular)) if sent.angular or not way else _commanded(sent)
-        found = f"{self._instruments.angular} reports {degrees(measured):.0f} deg"
-        cause, hint = _ANGULAR[off]
+        told = commanded(Velocity(0.0, sent.angular)) if sent.angular or not way else commanded(sent)
+        found = f"{reported_by(self._instruments.angular)} {degrees(measured):.0f} deg"
+        cause, hint = ANGULAR_CAUSES[off]
         if off in ("none", "less"):
-            cause, hint = cause + _felt(state), _hint(state) or hint
+            cause, hint = cause + felt(state), hint_of(state) or hint
         return MotionFault(f"{told} for {motion.at:.1f} s, {found}: {cause}", hint)
 
 
@@ -236,66 +250,3 @@ def _least(low: float, high: float, tolerance: float, opposite: float) -> float:
     if low < 0.0:
         return MAX_SHARE * low - tolerance
     return max(MIN_SHARE * low - tolerance, -opposite) if high > 0.0 else -tolerance
-
-
-_LINEAR = {
-    "none": (
-        "blocked or not connected",
-        "free its wheels; is an E-stop pressed? look at motors, encoders and their cables",
-    ),
-    "less": (
-        "held back, or one wheel is blocked or not connected",
-        "free its wheels; look at motors, encoders and their cables",
-    ),
-    "more": ("faster than commanded", "check the wheels' measures in the robot file, and the slope"),
-    "opposite": (
-        "the sign of its motors or encoders is swapped",
-        "swap the wires of both motors, or of both encoders; `mission doctor --move` tells which",
-    ),
-}
-
-_ANGULAR = {
-    "none": (
-        "blocked, slipping, or its gyro or encoders are not connected",
-        "free its wheels; look at motors, encoders and their cables",
-    ),
-    "less": ("held back, slipping, or one wheel is blocked or not connected", "free its wheels"),
-    "more": (
-        "one wheel is blocked or not connected, or the sign of one is swapped",
-        "free its wheels; look at motors, encoders and their cables",
-    ),
-    "opposite": (
-        "the sides of its wheels, or the sign of one, are swapped",
-        "swap left and right; `mission doctor --move` tells which",
-    ),
-}
-
-
-def _commanded(velocity: Velocity) -> str:
-    parts = []
-    if velocity.linear or not velocity.angular:
-        parts.append(f"{velocity.linear:.2g} m/s")
-    if velocity.angular:
-        parts.append(f"{degrees(velocity.angular):.0f} deg/s")
-    return f"commanded {' and '.join(parts)}"
-
-
-def _metres(way: float) -> str:
-    return f"{way:.2f} m" if abs(way) >= 0.005 else "0 m"
-
-
-def _overcurrent(state: BaseState) -> str:
-    wheels = "wheels" if state.overcurrent.left and state.overcurrent.right else "wheel"
-    return f"overcurrent on the {state.overcurrent} {wheels}"
-
-
-def _felt(state: BaseState) -> str:
-    """Say what else the base reports that may be the cause."""
-    found = [_overcurrent(state)] if state.overcurrent else []
-    return "".join(f"; {each}" for each in (*found, *sorted(state.hazards)))
-
-
-def _hint(state: BaseState) -> str:
-    """Return what helps against the hazards that the base reports."""
-    told = (describe(hazard) for hazard in sorted(state.hazards))
-    return "; ".join(dict.fromkeys(hint for _, hint in filter(None, told)))

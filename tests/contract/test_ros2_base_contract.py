@@ -249,12 +249,12 @@ def test_at_its_backup_limit_it_stands_says_so_and_backs_again_after_it_has_driv
     base.drive(-0.2, 0.0, lambda: base.truth().x < there + 0.05)
 
 
-def test_with_its_e_stop_on_it_obeys_no_velocity_and_says_nothing(base: Topics) -> None:
+def test_with_its_e_stop_on_it_obeys_no_velocity_and_its_monitor_says_so(base: Topics) -> None:
     base.robot.body.e_stop = True
     started, notices = base.clock.now(), len(base.notices)
-    base.drive(0.2, 0.5, lambda: base.clock.now() > started + 1.0)
+    base.drive(0.2, 0.5, lambda: base.clock.now() > started + 1.5)
     assert base.truth() == Pose2D(0.0, 0.0, 0.0)
-    assert base.notices[notices:] == []
+    assert [(notice.kind, "commanded 0.2 m/s" in notice.what) for notice in base.notices[notices:]] == [("fault", True)]
 
 
 def test_a_base_at_its_backup_limit_fails_its_leaf_within_two_seconds_and_says_why(base: Topics) -> None:
