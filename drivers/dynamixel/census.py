@@ -78,10 +78,10 @@ def _found(bus: Bus, protocol: Protocol, ids: Sequence[int]) -> Iterator[Found]:
         else:
             silent.append(number)
     if protocol != 2 and (len(ids) <= FEW_IDS or len(silent) == len(ids)):
-        yield from _mute(bus, [At(number, protocol) for number in silent])
+        yield from _find_mute(bus, [At(number, protocol) for number in silent])
 
 
-def _mute(bus: Bus, silent: Iterable[At]) -> Iterator[Found]:
+def _find_mute(bus: Bus, silent: Iterable[At]) -> Iterator[Found]:
     """Yield the servos that answer a ping, and no read; and those that were late."""
     for at in silent:
         damaged = bus.tally(at.id).corrupt

@@ -128,7 +128,7 @@ def _asked(codec: Codec, baud: int, number: int) -> Generator[Ask, bytes, Unit |
         there = any(reply.id == number for reply in replies)
         if there and not damaged and protocol == 1:
             answered = yield _question(codec, baud, number, IDENTITY[protocol], patience=PATIENT)
-            if not answered and not (yield from _doubled(codec, baud, number)):
+            if not answered and not (yield from _answers_twice(codec, baud, number)):
                 return Unit(number, "?", MUTE)
         return Unit(number, "?", TWO) if there or (damaged and HEADER in heard) else None
     where, own = MODEL_AND_ID[protocol]
@@ -136,16 +136,16 @@ def _asked(codec: Codec, baud: int, number: int) -> Generator[Ask, bytes, Unit |
     model = model_of(kind)
     either = protocol != 2 and identity.data[5 if protocol == 1 else 3] == number  # by the table of the other make, too
     if protocol == 2 and model is None:  # its table may have the ID elsewhere, as that of an XL-320
-        return Unit(number, f"number {kind}", TWO if (yield from _doubled(codec, baud, number)) else "")
+        return Unit(number, f"number {kind}", TWO if (yield from _answers_twice(codec, baud, number)) else "")
     if identity.data[own] != number or (either and (model is None or model.protocol != protocol)):
         return None  # another make, which has its own table
     state = yield from _read(codec, baud, number, STATE[protocol])
     name = f"number {kind}" if model is None else model.name
-    two = state is None or (yield from _doubled(codec, baud, number))
+    two = state is None or (yield from _answers_twice(codec, baud, number))
     return Unit(number, name, TWO if two else (identity.faults & LASTING).words)
 
 
-def _doubled(codec: Codec, baud: int, number: int) -> Generator[Ask, bytes, bool]:
+def _answers_twice(codec: Codec, baud: int, number: int) -> Generator[Ask, bytes, bool]:
     """Say whether a ping is answered more than once."""
     request = codec.ping(number)
     frame = codec.frame(request.id, request.code, request.parameters)

@@ -1,4 +1,4 @@
-"""Where the robot of a command came from that the user did not name: said beside every error about it."""
+"""Origin of the robot that a command took because the user named none: printed beside every error about it."""
 
 from contextvars import ContextVar
 from pathlib import Path
@@ -23,7 +23,7 @@ def take_default(robot: str) -> None:
 
 
 def robot_file(name: str | None, default: str = DEFAULT_ROBOT) -> Path:
-    """Return the file of the robot that is named, else of ``default``, and remember that nobody named that one.
+    """Return the file of the named robot, else of ``default``; then its origin is remembered.
 
     Raises UnknownNameError.
     """
@@ -38,6 +38,6 @@ def robot_file(name: str | None, default: str = DEFAULT_ROBOT) -> Path:
 
 
 def origin_note(text: str) -> str:
-    """Return where the robot came from, if ``text`` is about it and nobody named it; empty otherwise."""
+    """Return where the robot came from, if ``text`` is about a robot that the user did not name; empty otherwise."""
     robot, note = _origin.get()
     return note if robot and (robot in text or "robot" in text) and note not in text else ""

@@ -205,7 +205,7 @@ def guarded(work: Callable[[], object]) -> int:
 
 
 def _tell_origin(text: str) -> None:
-    """Say of an error, in ``text``, where the robot came from that nobody named."""
+    """Print where the robot came from if ``text``, an error, is about a robot that the user did not name."""
     from missions.cli.origin import origin_note  # noqa: PLC0415 - few commands end so
 
     if note := origin_note(text):

@@ -104,7 +104,7 @@ def _rest_of(model: Model) -> str:
 
 
 GENTLE = "50 %"
-"""The torque at most of an arm of which nobody has said what it is."""
+"""Highest torque of an arm whose kind the user has not confirmed."""
 
 
 def _gentle(model: Model) -> Model:

@@ -104,7 +104,7 @@ def home(
     file = Path(path).expanduser()
     if restore:
         with opened_bus(target) as bench:
-            return _restored(bench, file, bench.chosen(joints), yes=yes, other_servos=other_servos)
+            return _restore(bench, file, bench.chosen(joints), yes=yes, other_servos=other_servos)
     require_terminal(seconds)
     for each in (file, origin_file(file)):
         check_writable(each, "--into")
@@ -117,18 +117,18 @@ def home(
             return FAILURE
         modes = {name: int(joint.reverse) for name, joint in arm.servos.items()}
         new = {each.joint: each.found(_steps(each, margin), modes[each.joint.name]) for each in found}
-        plans = _planned(bench, new)
+        plans = _plan(bench, new)
         _confirm_eeprom(plans, yes=yes)
-        if not _saved(bench, file, kept, new):
+        if not _save(bench, file, kept, new):
             click.echo("the servos are left as they were; --restore --into FILE writes a saved calibration", err=True)
             return FAILURE
-        _applied(bench, plans, file)
+        _apply(bench, plans, file)
     if not arm.calibration:
         click.echo(f"the robot file is to say calibration: {file.absolute()}")
     return SUCCESS
 
 
-def _restored(bench: Bench, file: Path, joints: Sequence[Joint], *, yes: bool, other_servos: bool) -> int:
+def _restore(bench: Bench, file: Path, joints: Sequence[Joint], *, yes: bool, other_servos: bool) -> int:
     """Set the servos of joints to what a calibration file says, if they are those that it came from."""
     known = load(str(file))
     for joint in joints:
@@ -146,11 +146,11 @@ def _restored(bench: Bench, file: Path, joints: Sequence[Joint], *, yes: bool, o
     if not other_servos:
         origin.require_same_models(before, now)
         _settle_doubts(origin.doubts(bench.bus, wanted, before, now), yes=yes)
-    plans = _planned(bench, wanted)
+    plans = _plan(bench, wanted)
     stiff = any(bench.bus.read(joint.at, joint.model.table["torque_enable"]) for joint in plans)
     confirm_limp([joint.name for joint in plans], stiff=stiff, simulated=bench.simulated, yes=yes)
     _confirm_eeprom(plans, yes=yes)
-    _applied(bench, plans, file)
+    _apply(bench, plans, file)
     return SUCCESS
 
 
@@ -165,7 +165,7 @@ def _settle_doubts(found: Sequence[str], *, yes: bool) -> None:
     click.confirm("restore it all the same?", abort=True, err=True)
 
 
-def _saved(
+def _save(
     bench: Bench, file: Path, kept: Mapping[str, MotorCalibration], new: Mapping[Joint, MotorCalibration]
 ) -> bool:
     """Keep what was measured, before any servo is changed, and which servos it is of."""
@@ -225,7 +225,7 @@ def _table(found: Iterable[Homed], margin: float) -> str:
     return in_columns(("joint", "offset", "new", "from deg", "to deg", ""), rows, left=frozenset({"joint", ""}))
 
 
-def _planned(bench: Bench, wanted: Mapping[Joint, MotorCalibration]) -> dict[Joint, list[Change]]:
+def _plan(bench: Bench, wanted: Mapping[Joint, MotorCalibration]) -> dict[Joint, list[Change]]:
     """Return what is to be changed in the EEPROM of which servos, and say so."""
     plans = {}
     for joint, each in wanted.items():
@@ -245,7 +245,7 @@ def _confirm_eeprom(plans: Collection[Joint], *, yes: bool) -> None:
         click.confirm("write this into the EEPROM?", abort=True, err=True)
 
 
-def _applied(bench: Bench, plans: Mapping[Joint, Sequence[Change]], file: Path) -> None:
+def _apply(bench: Bench, plans: Mapping[Joint, Sequence[Change]], file: Path) -> None:
     """Change the EEPROM, and say so. Raises as ``apply``, and then says which servos are left as they were."""
     left = list(plans)
     try:
