@@ -90,4 +90,6 @@ def under_way(joint: Joint) -> bool:
         return True
     if joint.goal is None or not joint.torque:
         return False
+    if joint.progress.active and not joint.progress.blocked:
+        return True  # one that does not move may be blocked, and its servo shuts down soon
     return joint.sent_at >= joint.reading.stamp or joint.sent != joint.ticks(joint.goal)

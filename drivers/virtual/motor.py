@@ -90,7 +90,7 @@ class Motor:
     @property
     def _blocked(self) -> bool:
         """Whether it pushes against a shaft that does not turn."""
-        return not self.shaft.grip and self.shaft.goal != self.shaft.position
+        return not self.shaft.grip and abs(self.shaft.goal - self.shaft.position) > self._model.tick
 
     def _strength(self) -> float:
         """The most that it may push, as a share of its stall torque."""

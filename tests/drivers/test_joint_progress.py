@@ -238,6 +238,23 @@ def test_joints_that_get_where_they_are_sent_are_never_given_up() -> None:
         assert faults(rig) == [], seed
 
 
+def test_joints_that_fail_at_random_are_held_in_time_and_no_servo_overloads() -> None:
+    for seed in range(60000, 60000 + tries(6, most=300)):
+        chance = Random(seed)  # noqa: S311 - chance, not a secret
+        rig: Rig = Wire(chance.choice(MODELS)) if seed % 2 else Twin(chance.choice(MODELS))
+        fault, start = chance.choice(("blocked", "frozen", "reversed")), chance.uniform(-1.5, 1.5)
+        goal, speed = start - (1 if start > 0 else -1) * chance.uniform(0.5, 2.0), chance.choice((0.2, 0.5, 1.0, 4.0))
+        drive(rig, start, 4.0, limit=2.0)
+        drive(rig, goal, speed, limit=chance.uniform(0, 0.3) * abs(goal - start) / speed)
+        rig.fail(fault)
+        began = rig.now()
+        assert drive(rig, goal, speed), (seed, fault)
+        assert rig.now() - began < 1.0, (seed, fault)
+        rig.run(2.0)
+        if isinstance(rig, Wire) and fault != "reversed":
+            assert not rig.servo.faults & Fault.OVERLOAD, (seed, fault)
+
+
 # --- without a device -------------------------------------------------------------------------------------------------
 
 
