@@ -78,10 +78,14 @@ class Detection:
 
 @dataclass(frozen=True, slots=True)
 class Gaze:
-    """Which way the camera looked when a picture was taken, in the odometry frame."""
+    """Which way the camera looked when a picture was taken, in the odometry frame.
+
+    ``doubt`` is how far off the yaw may be, one sigma, as the time of the exposure is not known exactly.
+    """
 
     yaw: float
     pitch: float
+    doubt: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -102,7 +102,7 @@ class Vision(NewestView):
         self._senses = senses
         faces: object = senses.faces
         self._sparing = faces if isinstance(faces, Sparing) else None
-        self._exposures = None if delay is None else Exposures(gaze, delay)
+        self._exposures = None if delay is None else Exposures(gaze, delay, now)
         self._changed = changed
         self._on_view = on_view
         self._on_frame = on_frame
@@ -147,9 +147,11 @@ class Vision(NewestView):
         began = self.now()
         height, width = frame.image.shape[:2]
         camera, senses = Pinhole(width, height, *self._lens), self._senses
-        if self._exposures is not None:
+        if self._exposures is None:
+            gaze = self._gaze(frame.stamp)
+        else:
             frame = self._exposures.exposed(frame, camera)
-        gaze = self._gaze(frame.stamp)
+            gaze = self._exposures.gaze()
         view = View(
             looked=frame.stamp,
             faces=() if senses.faces is None else senses.faces.sense(frame, camera, gaze),

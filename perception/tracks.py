@@ -63,9 +63,10 @@ class Motion:
         self._rate_variance = FIRST_RATE**2
         self._seen = [(angle, 0.0)]
 
-    def update(self, angle: float, after: float, turned: float = 0.0) -> None:
+    def update(self, angle: float, after: float, turned: float = 0.0, doubt: float = 0.0) -> None:
         """Take in an angle measured ``after`` seconds, whole turns aside; the camera ``turned`` (radians) meanwhile.
 
+        ``doubt`` (radians, one sigma) is what the direction of the camera adds to the noise.
         Raises ValueError for a negative time.
         """
         if after < 0:
@@ -73,7 +74,7 @@ class Motion:
         self._go_on(after)
         surprise = wrap(angle - self.angle)
         turned = self._turned = max(turned, FADES * self._turned)
-        noise = self._noise + (TURNED * turned) ** 2
+        noise = self._noise + (TURNED * turned) ** 2 + doubt**2
         expected = sqrt(self._angle_variance + noise)
         if abs(surprise) > max(JUMP[0], JUMP[1] * after, UNSURE * expected):
             self._begin(self.angle + surprise)
@@ -168,7 +169,10 @@ def common(percept: Percept) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class _Measured(Generic[P]):
-    """A sighting with its directions in radians: from the optical axis, and in the odometry frame."""
+    """A sighting with its directions in radians: from the optical axis, and in the odometry frame.
+
+    ``doubt`` is that about the direction of the camera.
+    """
 
     sighting: Sighted[P]
     bearing: float
@@ -176,6 +180,7 @@ class _Measured(Generic[P]):
     yaw: float
     pitch: float
     distance: float
+    doubt: float
 
 
 class _Track(Generic[P]):
@@ -208,7 +213,7 @@ class _Track(Generic[P]):
         before = self.last
         across = wrap(measured.yaw - measured.bearing - before.yaw + before.bearing)
         down = measured.pitch - measured.elevation - before.pitch + before.elevation
-        self._yaw.update(measured.yaw, after, abs(across))
+        self._yaw.update(measured.yaw, after, abs(across), measured.doubt)
         self._pitch.update(measured.pitch, after, abs(down))
         self.times += measured.sighting.found
         self.stamp, self.last = stamp, measured
@@ -292,4 +297,4 @@ def _measure(sighting: Sighted[P], camera: Pinhole, gaze: Gaze) -> _Measured[P]:
     """Turn a box in the picture into directions."""
     bearing, elevation = camera.angles(*sighting.box.centre)
     yaw, pitch = look(gaze, bearing, elevation)
-    return _Measured(sighting, bearing, elevation, yaw, pitch, sighting.distance(camera))
+    return _Measured(sighting, bearing, elevation, yaw, pitch, sighting.distance(camera), gaze.doubt)

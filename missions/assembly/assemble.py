@@ -58,7 +58,7 @@ class Place:
         self.audience = audience
         self.simulation: Simulation | None = None
         self.eyes: Looking | None = None
-        self.lags = Lags(config, simulated=wishes.world is not None)
+        self.lags = Lags(config, simulated=wishes.world is not None, other_camera=wishes.camera is not None)
         self._ports: dict[str, str] = dict(wishes.ports)
 
     def simulate(self, chosen: frozenset[str]) -> None:

@@ -16,11 +16,10 @@ from behaviours.tracking.lag import Lag
 from config.reading import read_regular
 from config.robot import RobotConfig
 from missions.library.folders import state_folder
-from perception import delay
-from perception.delay import Delay
+from perception.delay import EARLIEST, LATEST, Delay
 
 KNOWN = 0.015
-"""Seconds, one sigma, within which a delay must be known to be kept."""
+"""Seconds, one sigma, within which the lag of a base must be known to be kept; see ``Delay.known`` for the camera."""
 
 ENOUGH = 30
 """Pairs of pictures, or reports of the base, from which it must have been learnt."""
@@ -31,8 +30,8 @@ MAX_FILE_SIZE = 1000
 CAMERA, BASE = "camera", "base"
 """The keys of the two delays, in seconds."""
 
-LEAST = {CAMERA: float(delay.GRID[0]), BASE: lag.GRID[0]}
-MAX_LAGS = {CAMERA: float(delay.GRID[-1]), BASE: lag.GRID[-1]}
+LEAST = {CAMERA: EARLIEST, BASE: lag.GRID[0]}
+MAX_LAGS = {CAMERA: LATEST, BASE: lag.GRID[-1]}
 """Seconds that each can be."""
 
 
@@ -45,26 +44,37 @@ class Lags:
     """The delays of a robot: ``delay`` of its camera, with the lag of its head, and ``lag`` of its base.
 
     Both begin with what earlier runs have kept, where its file is still the same, and learn on. A ``simulated`` robot
-    neither takes from earlier runs nor keeps: its delays are those of its world.
+    neither takes from earlier runs nor keeps: its delays are those of its world. With ``other_camera``, a source other
+    than that of the robot file, only the lag of the base is taken and kept.
     """
 
-    def __init__(self, config: RobotConfig, *, simulated: bool) -> None:
+    def __init__(self, config: RobotConfig, *, simulated: bool, other_camera: bool = False) -> None:
         self._name, self._simulated = config.name, simulated
         self._file = "" if simulated else _fingerprint(config)
         self._kept = {} if simulated else kept(config)
-        self.delay = Delay(self._kept.get(CAMERA, 0.0 if config.camera is None else config.camera.delay))
+        self._other_camera = other_camera
+        told = 0.0 if config.camera is None else config.camera.delay
+        self.delay = Delay(0.0 if other_camera else self._kept.get(CAMERA, told))
         self.lag = Lag()
         if BASE in self._kept:
             self.lag.believe(self._kept[BASE], learnt=True)
 
     def keep(self) -> None:
-        """Write down what is known well by now. Raises OSError where nothing can be written."""
+        """Write down what is known well by now, and drop what has proved wrong.
+
+        Raises OSError where nothing can be written.
+        """
         if self._simulated:
             return
-        found = dict(self._kept)
-        for key, each, times in ((CAMERA, self.delay, self.delay.pairs), (BASE, self.lag, self.lag.reports)):
-            if times >= ENOUGH and each.spread <= KNOWN:
-                found[key] = round(each.seconds, 4)
+        found, delay, lag = dict(self._kept), self.delay, self.lag
+        if lag.reports >= ENOUGH and lag.spread <= KNOWN:
+            found[BASE] = round(lag.seconds, 4)
+        if self._other_camera:
+            pass
+        elif delay.pairs >= ENOUGH and delay.known:
+            found[CAMERA] = round(delay.seconds, 4)
+        elif CAMERA in found and delay.contradicts(found[CAMERA]):
+            del found[CAMERA]
         if found != self._kept:
             _write(lags_file(self._name), {"robot_file": self._file, **found})
 

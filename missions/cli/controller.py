@@ -13,8 +13,8 @@ from config.library import find, shipped
 from missions.cli.names import CONTROLLER
 from missions.cli.numbers import Whole
 from missions.cli.outputs import writing
-from missions.testing.controllers.bench import COMPARED, CONTROLLERS, STANDING, bench, summary, table
-from missions.testing.controllers.scenario import DELAYS
+from missions.testing.controllers.bench import COMPARED, CONTROLLERS, STANDING, bench, stamp_summary, summary, table
+from missions.testing.controllers.scenario import DELAYS, STAMPS
 from missions.testing.controllers.words import lines_about
 
 LAG = TrackFace.lag
@@ -65,19 +65,25 @@ def show(name: str, output: Path | None) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as one JSON list: seconds and degrees.")
 @click.option("--seed", type=Whole(min=0), default=0, show_default=True, help="Of the noise and what is lost.")
 @click.option("--delays", is_flag=True, help="With delays that nobody tells the robot, and what cannot be foreseen.")
-@click.option("--seeds", type=Whole(min=1), default=3, show_default=True, help="How many, with --delays.")
-def bench_(names: tuple[str, ...], output: Path | None, as_json: bool, seed: int, delays: bool, seeds: int) -> None:
+@click.option("--stamps", is_flag=True, help="With time stamps that jitter, and a delay of the camera that changes.")
+@click.option("--seeds", type=Whole(min=1), default=3, show_default=True, help="How many, with --delays or --stamps.")
+def bench_(
+    names: tuple[str, ...], output: Path | None, as_json: bool, seed: int, delays: bool, stamps: bool, seeds: int
+) -> None:
     """Let controllers (names or files; course, pd, mamdani and face by default) track a face, side by side.
 
     In simulated time, with the speeds, the inertia and the whole degrees of the servos that a TurtleBot with a Rodney
-    head has: with the head alone, with the base alone that carries the camera, and with both. --delays takes minutes.
+    head has: with the head alone, with the base alone that carries the camera, and with both. --delays and --stamps
+    take minutes.
     """
-    chosen = names or (COMPARED if delays else CONTROLLERS)
+    chosen = names or (COMPARED if delays else COMPARED[1::2] if stamps else CONTROLLERS)
     rules = {Path(name).stem if Path(name).suffix else name: read(name)[1] for name in chosen}
-    if delays:
-        rules["standing"] = STANDING
-        rows = [row for number in range(seeds) for row in bench(rules, scenarios=DELAYS, seed=seed + number, lag=LAG)]
-        lines = json.dumps([row.as_dict() for row in rows], indent=2).splitlines() if as_json else summary(rows)
+    if delays or stamps:
+        if delays:
+            rules["standing"] = STANDING
+        scenarios, sum_up = (DELAYS, summary) if delays else (STAMPS, stamp_summary)
+        rows = [row for n in range(seeds) for row in bench(rules, scenarios=scenarios, seed=seed + n, lag=LAG)]
+        lines = json.dumps([row.as_dict() for row in rows], indent=2).splitlines() if as_json else sum_up(rows)
         for line in lines:
             click.echo(line)
         return

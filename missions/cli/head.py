@@ -26,6 +26,7 @@ from missions.cli.status_line import show_over
 from missions.cli.trimming import HELP, trim_by_hand
 from missions.library.tuning import check_keepable
 from missions.library.tuning import keep as keep_values
+from perception.delay import STEADY
 
 STARTED: Mapping[Life, str] = MappingProxyType(
     {
@@ -150,6 +151,11 @@ def calibrate(robot: str | None, simulate: bool, port: str | None, seconds: floa
     click.echo(
         f"pictures are stamped {late:.0f} ms after their exposure (one sigma {spread:.0f} ms, {delay.pairs} pairs)"
     )
+    if delay.jitter > STEADY:
+        click.echo(f"their stamps jitter by {1000 * delay.jitter:.0f} ms (one sigma)")
+    if not delay.known:
+        click.echo("that is not known well enough to be stored", err=True)
+        click.echo("  try: --seconds 20, with fewer other programs on this computer", err=True)
     if lag.learnt:
         click.echo(
             f"the base begins {1000 * lag.seconds:.0f} ms after it was told to turn, as earlier runs have learnt"

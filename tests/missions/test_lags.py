@@ -84,6 +84,41 @@ def test_what_is_hardly_known_is_not_kept(rodney: RobotConfig) -> None:
     assert not lags_file("rodney").exists()
 
 
+def test_a_delay_that_jitters_is_impossible_or_in_doubt_is_not_kept(rodney: RobotConfig) -> None:
+    for camera in (-0.098, -0.07, 0.26):
+        learn(rodney, camera=camera)
+    for name, value in (("jitter", 0.02), ("distrusted", True)):
+        lags = Lags(rodney, simulated=False)
+        lags.delay.seconds, lags.delay.spread, lags.delay.pairs = 0.042, 0.003, ENOUGH
+        setattr(lags.delay, name, value)
+        lags.keep()
+    assert not lags_file("rodney").exists()
+
+
+def test_a_kept_delay_that_proves_wrong_is_dropped(rodney: RobotConfig) -> None:
+    learn(rodney, camera=0.042, base=0.19)
+    lags = Lags(rodney, simulated=False)
+    lags.delay.distrusted = True
+    lags.keep()
+    assert known(rodney) == (0.02, 0.19)
+
+
+def test_a_kept_delay_of_before_that_is_impossible_counts_as_none(rodney: RobotConfig) -> None:
+    learn(rodney, camera=0.042, base=0.19)
+    text = lags_file("rodney").read_text()
+    lags_file("rodney").write_text(text.replace("0.042", "-0.0931"))
+    assert known(rodney) == (0.02, 0.19)
+
+
+def test_the_delay_of_another_camera_is_neither_taken_nor_kept(rodney: RobotConfig) -> None:
+    learn(rodney, camera=0.042, base=0.19)
+    lags = Lags(rodney, simulated=False, other_camera=True)
+    assert (lags.delay.seconds, lags.lag.seconds) == (0.0, 0.19)
+    lags.delay.seconds, lags.delay.spread, lags.delay.pairs = 0.11, 0.003, ENOUGH
+    lags.keep()
+    assert known(rodney) == (0.042, 0.19)
+
+
 def test_a_simulated_robot_neither_takes_nor_keeps(rodney: RobotConfig) -> None:
     learn(rodney, camera=0.042, base=0.19)
     before = lags_file("rodney").read_bytes()

@@ -1,7 +1,9 @@
 """How late a camera stamps its pictures: learnt from the background, whatever people do in front of it."""
 
 from collections.abc import Callable
-from math import cos, radians, sin
+from copy import deepcopy
+from math import cos, radians, sin, sqrt
+from random import Random
 
 import cv2
 import numpy as np
@@ -12,8 +14,10 @@ from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
 from perception.api import Gaze, Image
 from perception.change import shift
-from perception.delay import BELIEVED, GRID, KNOWN, LONGEST_REST, Delay, Exposed, Exposures, level
+from perception.delay import BELIEVED, EARLIEST, KNOWN, LONGEST_REST, Delay, Exposed, Exposures
+from perception.delay_grid import GRID
 from perception.geometry import Pinhole
+from perception.levelling import level
 from tests.perception.rendered import CAMERA, LENS
 
 PERIOD = 0.05
@@ -96,22 +100,129 @@ def test_a_background_tells_turns_to_a_quarter_of_a_degree(room: Renderer) -> No
         assert moved[0] * 60 / 160 == pytest.approx(turn, abs=0.3)
 
 
+def turned(
+    delay: Delay,
+    path: Path,
+    late: float,
+    *,
+    start: float,
+    pictures: int,
+    wrong: int = 0,
+    jitter: Callable[[], float] = lambda: 0.0,
+) -> None:
+    """Let a camera turn along ``path``, with stamps that are ``late``; each ``wrong``-th turn is seen the other way."""
+    before = np.array([path(start + late - each) for each in GRID])
+    delay.begin(before)
+    for n in range(1, pictures):
+        time = start + n * PERIOD
+        stamp = time + late + jitter()
+        yaws = np.array([path(stamp - each) for each in GRID])
+        true = path(time) - path(time - PERIOD)
+        delay.learn(-true if wrong and n % wrong == 0 else true, yaws - before, yaws)
+        before = yaws
+
+
 def test_pairs_that_disagree_with_every_delay_count_little() -> None:
     delay = Delay()
-    for n in range(60):
-        turns = np.array([swing(1 + n * PERIOD - late) - swing(1 + (n - 1) * PERIOD - late) for late in GRID])
-        true = swing(1 + n * PERIOD - 0.05) - swing(1 + (n - 1) * PERIOD - 0.05)
-        delay.learn(true if n % 4 else -true, turns)  # a quarter of them: somebody walked by close in front
+    turned(delay, swing, 0.05, start=1.0, pictures=60, wrong=4)  # somebody walked by close in front
     assert delay.seconds == pytest.approx(0.05, abs=0.01)
 
 
 def test_a_delay_that_changes_is_learnt_anew() -> None:
     delay = Delay()
-    for n in range(1600):
-        late = 0.02 if n < 400 else 0.08
-        turns = np.array([cos(n * PERIOD - each) - cos((n - 1) * PERIOD - each) for each in GRID]) * radians(40)
-        delay.learn((cos(n * PERIOD - late) - cos((n - 1) * PERIOD - late)) * radians(40), turns)
+    turned(delay, lambda time: radians(40) * cos(time), 0.02, start=0.0, pictures=400)
+    assert delay.seconds == pytest.approx(0.02, abs=0.01)
+    turned(delay, lambda time: radians(40) * cos(time), 0.08, start=20.0, pictures=400)
     assert delay.seconds == pytest.approx(0.08, abs=0.01)
+
+
+def uniform(random: Random, most: float) -> Callable[[], float]:
+    """Return what draws the jitter of a stamp, up to ``most`` seconds to both sides."""
+    return lambda: random.uniform(-most, most)
+
+
+def test_constant_turn_with_jittering_stamps_teaches_jitter_and_no_delay() -> None:
+    for most in (0.0, 0.02, 0.03):
+        for seed in range(12):
+            random, delay = Random(seed), Delay(0.03)  # noqa: S311 - noise is no secret
+            turned(
+                delay,
+                lambda time: radians(20) * time,
+                0.0,
+                start=1.0,
+                pictures=200,
+                jitter=uniform(random, most),
+            )
+            assert (delay.seconds, delay.known) == (0.03, False)
+            assert delay.jitter == pytest.approx(most / sqrt(3), abs=0.006)
+
+
+def test_jitter_widens_the_spread_of_a_delay_and_never_makes_it_wrong_while_known() -> None:
+    spreads = []
+    for most in (0.0, 0.03):
+        random, delay = Random(7), Delay()  # noqa: S311 - noise is no secret
+        for n in range(20):
+            turned(
+                delay,
+                swing,
+                0.04,
+                start=1.0 + n,
+                pictures=20,
+                jitter=uniform(random, most),
+            )
+            assert not delay.known or abs(delay.seconds - 0.04) <= 0.015
+            if n == 2:
+                spreads.append(delay.spread)
+        assert delay.known == (most == 0.0)
+        assert delay.seconds == pytest.approx(0.04, abs=0.015)
+    assert spreads[0] < spreads[1]
+
+
+def test_delay_at_an_edge_of_the_grid_or_before_any_possible_exposure_is_never_known() -> None:
+    for late in (-0.2, -0.12, -0.09, 0.26, 0.35):
+        delay = Delay()
+        turned(delay, lambda time: radians(20) * sin(6 * time), late, start=1.0, pictures=200)
+        assert not delay.known
+        assert EARLIEST - 0.04 <= delay.seconds <= GRID[-1] - 0.02
+
+
+def test_stamps_that_are_wrong_by_200_ms_now_and_then_do_no_harm() -> None:
+    random, delay = Random(3), Delay()  # noqa: S311 - noise is no secret
+    turned(
+        delay,
+        lambda time: radians(20) * sin(4 * time),
+        0.03,
+        start=1.0,
+        pictures=300,
+        jitter=lambda: random.choice((-0.2, 0.2)) if random.random() < 0.05 else 0.0,
+    )
+    assert delay.known
+    assert delay.seconds == pytest.approx(0.03, abs=0.01)
+
+
+def test_changed_delay_is_doubted_within_a_few_pictures_of_a_turn() -> None:
+    delay = Delay()
+    path: Path = lambda time: radians(20) * sin(6 * time)  # noqa: E731
+    turned(delay, path, 0.0, start=0.0, pictures=100)
+    turned(delay, path, 0.0, start=10.0, pictures=6)
+    assert delay.doubt < radians(1.5)
+    for change in (0.08, -0.08):
+        doubts = []
+        for pictures in range(2, 8):
+            changed = deepcopy(delay)
+            turned(changed, path, change, start=10.0, pictures=pictures)
+            doubts.append(changed.doubt)
+        assert max(doubts) > radians(2)
+        assert changed.seconds == pytest.approx(change, abs=0.03)
+        assert not changed.known, "it is to be confirmed first"
+
+
+def test_contradicted_delay_is_told() -> None:
+    delay = Delay(0.12)
+    assert not delay.contradicts(0.12)
+    turned(delay, swing, 0.0, start=0.0, pictures=60)
+    assert delay.contradicts(0.12)
+    assert not delay.contradicts(0.0)
 
 
 def sweep(time: float) -> float:
@@ -146,6 +257,13 @@ def test_a_delay_that_changes_once_it_was_known_is_learnt_within_some_seconds() 
     swept(exposures, 0.03, start=10.0, seconds=20.0)
     swept(exposures, 0.07, start=30.0, seconds=LONGEST_REST + 6.0)
     assert exposures.delay.seconds == pytest.approx(0.07, abs=0.01)
+
+
+def test_changed_delay_ends_the_rest_with_the_next_turn() -> None:
+    exposures = Exposures(lambda time: Gaze(sweep(time), 0.0), Delay())
+    swept(exposures, 0.03, start=10.0, seconds=10.0)
+    swept(exposures, 0.11, start=20.0, seconds=2.0)
+    assert exposures.delay.seconds == pytest.approx(0.11, abs=0.015)
 
 
 def test_a_clock_that_was_set_back_does_not_end_the_learning() -> None:

@@ -15,6 +15,9 @@ CONTROLLERS = ("course", "pd", "mamdani", "face")
 COMPARED = ("course", "pd", "pd_ahead", "face")
 """What is benched with delays that nobody tells the robot, beside standing still."""
 
+NEAR = 0.015
+"""Seconds within which a delay is right."""
+
 STANDING = RuleBases.from_mapping({axis: {"p": 0, "d": 0} for axis in ("pan", "tilt", "turn")})
 """A controller that moves nothing."""
 
@@ -77,6 +80,29 @@ def summary(rows: Sequence[Row]) -> Iterator[str]:
         blocks.setdefault((row.scenario.name, row.body), {}).setdefault(row.controller, []).append(row.score)
     for (scenario, body), scores in blocks.items():
         yield f"{scenario:<24} {body:<5}" + "".join(f" {_summed(scores[name]):>37}" for name in names)
+
+
+def stamp_summary(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield the lines of a table over several seeds: what was learnt of the camera's delay, and what that was worth.
+
+    ``known`` is the share of the seeds in which the delay was known in the end, within ``NEAR`` seconds; ``worst`` the
+    largest error while it was known (ms).
+    """
+    yield f"{'':<24} {'':<5} {'':<10} {'known':>7} {'worst':>7} {'centred':>8} {'x bound':>14} {'past':>5} {'RMS':>10}"
+    blocks: dict[tuple[str, Body, str], list[Score]] = {}
+    for row in rows:
+        blocks.setdefault((row.scenario.name, row.body, row.controller), []).append(row.score)
+    for (scenario, body, name), scores in blocks.items():
+        of = len(scores)
+        known = sum(score.delay_error is not None and abs(score.delay_error) <= NEAR for score in scores)
+        worst = 1000 * max(score.worst_known for score in scores)
+        ratios = sorted(score.ratio for score in scores if score.ratio is not None)
+        errors = sorted(math.degrees(score.rms) for score in scores if score.rms is not None)
+        figures = _both(ratios, "x", 2) if ratios else "never", _both(errors, "", 2) if errors else "lost"
+        yield (
+            f"{scenario:<24} {body:<5} {name:<10} {f'{known}/{of}':>7} {worst:>4.0f} ms {f'{len(ratios)}/{of}':>8} "
+            f"{figures[0]:>14} {max(score.swings for score in scores):>5} {figures[1]:>10}"
+        )
 
 
 def _summed(scores: Sequence[Score]) -> str:

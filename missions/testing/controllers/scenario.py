@@ -4,6 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from math import pi, radians, sin
+from random import Random
+
+StampNoise = Callable[[float, Random], float]
+"""Returns by how many seconds a stamp is off at a time of the scenario; random values come from its second argument."""
 
 STEP = radians(25)
 WALK = radians(20)  # per second
@@ -36,7 +40,7 @@ class Scenario:
     What the robot is not told: its camera stamps pictures ``stamped`` seconds after their exposure, their latency
     varies by ``jitter`` seconds to both sides, its base begins what it is told ``base_lag`` seconds later. Before time
     0 it has ``learning`` seconds, of which the face jumps to and fro in all but the last. ``other`` is the path of a
-    second face.
+    second face. ``stamp_noise`` is added to each stamp, ``delay_change`` (seconds) to those from time 0 on.
     """
 
     name: str
@@ -51,6 +55,12 @@ class Scenario:
     base_lag: float = 0.0
     learning: float = 0.0
     other: Callable[[float], float] | None = None
+    stamp_noise: StampNoise | None = None
+    delay_change: float = 0.0
+
+    def delay(self, time: float) -> float:
+        """Return how many seconds after their exposure pictures of ``time`` are stamped, apart from the noise."""
+        return self.stamped + (self.delay_change if time >= 0.0 else 0.0)
 
     def bearing(self, time: float) -> float:
         """Return the bearing of the face at ``time``, also while the robot learns."""
@@ -97,6 +107,16 @@ def swings(period: float) -> Callable[[float], float]:
     return path
 
 
+def uniform(most: float) -> StampNoise:
+    """Return the noise of stamps that jitter by up to ``most`` seconds to both sides."""
+
+    def noise(time: float, random: Random) -> float:
+        del time
+        return random.uniform(-most, most)
+
+    return noise
+
+
 SCENARIOS = (
     Scenario("step of 25 deg", stands),
     Scenario("walk at 20 deg/s", walks),
@@ -133,3 +153,20 @@ DELAYS = (
     Scenario("two cross", walks, other=comes_across, learning=LEARNING),
 )
 """What is benched by `--delays`: what no robot is told, and what no prediction can know."""
+
+JITTERS = (0.01, 0.02, 0.03)
+"""Seconds by which stamps jitter to both sides in `--stamps`."""
+
+STAMPS = (
+    *(
+        Scenario(f"{name} ±{1000 * most:.0f} ms{after}", path, stamp_noise=uniform(most), learning=learning)
+        for after, learning in (("", LEARNING), (", at once", 0.0))
+        for name, path in (("step", stands), ("walk", walks))
+        for most in JITTERS
+    ),
+    *(
+        Scenario(f"delay {1000 * change:+.0f} ms", stands, delay_change=change, learning=LEARNING)
+        for change in (0.08, -0.08)
+    ),
+)
+"""What is benched by `--stamps`: stamps that jitter, with seconds to learn and "at once", and a delay that changes."""

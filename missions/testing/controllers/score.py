@@ -1,7 +1,9 @@
 """How good a trial was, and how good it could have been."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import radians, sqrt
+from itertools import pairwise
+from math import isnan, radians, sqrt
 
 from drivers.base.limits import BRAKING
 from missions.testing.controllers.scenario import Body, Scenario, stands
@@ -23,7 +25,9 @@ class Score:
     ``centred`` is the time in seconds from which on the face was centred, None where it never was; ``bound`` the least
     that it can be for one who knows with the first picture what the face does, and ``known`` for one who must see it.
     ``overshoot`` is how far past the face it went at first, ``rms`` the error of following; radians.
-    A face that was ``lost`` has no ``rms``.
+    A face that was ``lost`` has no ``rms``. ``swings`` counts how often the robot went past the face by more than
+    ``CENTRED``. ``delay_error`` is that of the camera's delay in the end, None where it was not known, and
+    ``worst_known`` the largest one while it was known; seconds.
     """
 
     centred: float | None
@@ -32,6 +36,9 @@ class Score:
     rms: float | None
     lost: bool
     known: float = 0.0
+    swings: int = 0
+    delay_error: float | None = None
+    worst_known: float = 0.0
 
     @property
     def ratio(self) -> float | None:
@@ -85,7 +92,16 @@ def score(trace: Trace, scenario: Scenario, body: Body) -> Score:
         rms=None if trace.lost or not late else sqrt(sum(late) / len(late)),
         lost=trace.lost,
         known=max(least, bound(replace(scenario, latency=seen), can, lag)),
+        swings=_swings([error for _, error in foreseen]),
+        delay_error=next((error for error in trace.delay_errors[-1:] if not isnan(error)), None),
+        worst_known=max((abs(error) for error in trace.delay_errors if not isnan(error)), default=0.0),
     )
+
+
+def _swings(errors: Sequence[float]) -> int:
+    """Count the changes of side among the errors beyond ``CENTRED``."""
+    sides = [error > 0 for error in errors if abs(error) > CENTRED]
+    return sum(before != after for before, after in pairwise(sides))
 
 
 def bound(scenario: Scenario, can: Ability, lag: float = 0.0) -> float:

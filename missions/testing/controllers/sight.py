@@ -1,6 +1,7 @@
 """The eyes of a trial: faces, measured in pixels with noise, and filtered over time as perception does it."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import radians
 from random import Random
 
@@ -8,7 +9,9 @@ import numpy as np
 
 from missions.assembly.seeing import SensorNoise
 from perception.api import Box, Face, Gaze, View
-from perception.delay import GRID, Delay, Floats
+from perception.delay import Delay
+from perception.delay_grid import GRID, Floats, find_unrecorded
+from perception.exposure_clock import ExposureClock
 from perception.eyes import NewestView
 from perception.geometry import FACE_WIDTH, Pinhole
 from perception.tracks import Motion
@@ -36,17 +39,19 @@ FLOW_NOISE = radians(0.1)
 class FilteredSight(NewestView):
     """Faces, measured with noise that is drawn from ``random``; and how late the camera stamps them, learnt.
 
-    ``gaze(time)`` is where the robot believes that its camera looked.
+    ``gaze(time)`` is where the robot believes that its camera looked. ``now`` tells the time.
     """
 
-    def __init__(self, random: Random, gaze: Callable[[float], Gaze]) -> None:
+    def __init__(self, random: Random, gaze: Callable[[float], Gaze], now: Callable[[], float]) -> None:
         self.delay = Delay()
         self._random = random
         self._gaze = gaze
+        self._now = now
         self._followed: dict[int, tuple[Motion, Face]] = {}
         self._ids = 0
         self._before: tuple[float, Floats] | None = None
-        self._last = self._looked = 0.0
+        self._clock = ExposureClock()
+        self._looked = 0.0
 
     def measure(self, bearing: float) -> Box | None:
         """Return where a face is in a picture; None where it is not wholly inside."""
@@ -59,13 +64,18 @@ class FilteredSight(NewestView):
 
     def see(self, stamp: float, boxes: Sequence[Box], looked: float) -> None:
         """Take in what a picture shows that was stamped ``stamp``; ``looked`` is where the camera truly looked."""
-        yaws = np.array([self._gaze(stamp - delay).yaw for delay in GRID])
-        if self._before is not None:
+        times = stamp - GRID
+        yaws = np.array([self._gaze(time).yaw for time in times])
+        if self._before is None:
+            self.delay.begin(yaws)
+        else:
             turned = looked - self._before[0] + self._random.gauss(0.0, FLOW_NOISE)
-            self.delay.learn(turned, yaws - self._before[1])
+            unrecorded = find_unrecorded(yaws, self._gaze(times[0] + 1.0).yaw, times, self._now())
+            self.delay.learn(turned, yaws - self._before[1], yaws, unrecorded)
         self._before = looked, yaws
-        self._last = stamp = max(stamp - self.delay.seconds, self._last + 0.001)
-        gaze = self._gaze(stamp)
+        exposure = self._clock.expose(stamp, self.delay.seconds, self._now())
+        stamp, gaze = exposure.stamp, self._gaze(exposure.time)
+        gaze = replace(gaze, doubt=max(exposure.doubt, self.delay.doubt))
         for box in boxes:
             self._follow(stamp, box, gaze, alone=len(boxes) == 1)
         self._looked = gaze.yaw
@@ -84,7 +94,7 @@ class FilteredSight(NewestView):
         number = min(offs, key=lambda number: offs[number], default=0)
         if number and offs[number] < GATE:
             motion, before = self._followed[number]
-            motion.update(yaw, stamp - before.stamp, abs(gaze.yaw - self._looked))
+            motion.update(yaw, stamp - before.stamp, abs(gaze.yaw - self._looked), gaze.doubt)
         else:
             if alone:  # it has jumped; nobody is where it was
                 self._followed.clear()

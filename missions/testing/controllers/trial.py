@@ -1,5 +1,6 @@
 """One trial of a controller: the leaf that follows faces, on the twins of a robot, in simulated time."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -48,12 +49,14 @@ BASE = Limits(max_linear=0.5, max_angular=1.92, linear_acceleration=0.5, angular
 class Trace:
     """What a trial showed: at each of ``times`` (seconds) the ``errors`` (radians), and whether the face was lost.
 
-    ``understood`` are the times at which the pictures that were taken from time 0 on were known.
+    ``understood`` are the times at which the pictures that were taken from time 0 on were known. ``delay_errors`` are
+    the errors (seconds) of the camera's delay, one a picture: NaN while it was not known.
     """
 
     times: list[float] = field(default_factory=list)
     errors: list[float] = field(default_factory=list)
     understood: list[float] = field(default_factory=list)
+    delay_errors: list[float] = field(default_factory=list)
     lost: bool = False
 
 
@@ -79,7 +82,7 @@ class Trial:
         self._begin = -radians(60) if body is Body.HEAD else 0.0  # a head walks from one side to the other
         self._head = None if body is Body.BASE else self._make_head()
         self._base = None if body is Body.HEAD else self._make_base(scenario.base_lag)
-        self._sight = FilteredSight(self._random, self._believed)
+        self._sight = FilteredSight(self._random, self._believed, self._clock.now)
         self._arrived = 0.0
         self._leaf = TrackFace("track_face")
         self._leaf.run = Run(self._clock)
@@ -164,10 +167,15 @@ class Trial:
         self._arrived = max(now + max(late, 0.0), self._arrived)  # no picture overtakes another
         if self._time() >= 0:
             self._trace.understood.append(self._arrived - now + self._time())
-        self._timeline.at(self._arrived, partial(self._understand, now + scenario.stamped, boxes, self._gaze()))
+        stamp = now + scenario.delay(self._time())
+        if scenario.stamp_noise is not None:
+            stamp += scenario.stamp_noise(self._time(), self._random)
+        self._timeline.at(self._arrived, partial(self._understand, stamp, boxes, self._gaze()))
 
     def _understand(self, stamp: float, boxes: Sequence[Box], looked: float) -> None:
         self._sight.see(stamp, boxes, looked)
+        error = self.delay.seconds - self._scenario.delay(self._time())
+        self._trace.delay_errors.append(error if self.delay.known else math.nan)
         self._tick()
 
     def _look(self) -> None:

@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from math import degrees, inf, radians, sqrt
+from math import degrees, inf, radians, sin, sqrt
+from random import Random
 from typing import Any
 
 import pytest
@@ -17,14 +18,16 @@ from drivers.api import HeadPose
 from drivers.sim.twins.head import HeadTwin
 from missions.library.things import controller
 from missions.testing.controllers import trial
-from missions.testing.controllers.bench import CONTROLLERS, bench, table
+from missions.testing.controllers.bench import CONTROLLERS, NEAR, bench, stamp_summary, table
 from missions.testing.controllers.scenario import (
     DELAYS,
     LEARNING,
     SCENARIOS,
+    STAMPS,
     SWING,
     Body,
     Scenario,
+    StampNoise,
     stands,
     swings,
     walks,
@@ -32,6 +35,7 @@ from missions.testing.controllers.scenario import (
 from missions.testing.controllers.score import Ability, Score, ability, bound, score
 from missions.testing.controllers.trial import BASE, HEAD, Trace, Trial
 from perception.delay import Delay
+from tests.tries import tries
 
 STEP, WALK = SCENARIOS[:2]
 LATER = 1.3
@@ -139,6 +143,48 @@ def test_how_late_the_camera_stamps_is_known_within_10_ms_of_what_the_servos_tak
         trial = Trial(rules["face"], scenario, Body.HEAD)
         trial.run()
         assert -0.01 <= trial.delay.seconds - scenario.stamped <= HEAD_LAG + 0.01
+
+
+@pytest.mark.parametrize("body", list(Body))
+def test_stamps_that_jitter_teach_no_wrong_delay_and_cost_no_centring(tried: Tried, body: Body) -> None:
+    for each in (each for each in STAMPS if each.stamp_noise is not None):
+        found = [tried("face", each, body, seed=seed, lag=TrackFace.lag) for seed in range(1, 1 + tries(1, 20))]
+        assert max(one.worst_known for one in found) <= (NEAR if each.learning else 0.025), each.name
+        assert all(one.centred is not None for one in found), each.name
+        if each.learning and "±10 ms" in each.name:
+            known = sum(one.delay_error is not None and abs(one.delay_error) <= NEAR for one in found)
+            assert known >= 0.8 * len(found), each.name
+
+
+@pytest.mark.parametrize("body", list(Body))
+def test_delay_that_changes_costs_at_most_twice_the_bound_and_one_overshoot(tried: Tried, body: Body) -> None:
+    for each in (each for each in STAMPS if each.delay_change):
+        for seed in range(1, 1 + tries(2, 20)):
+            found = tried("face", each, body, seed=seed, lag=TrackFace.lag)
+            assert found.ratio is not None
+            assert found.ratio <= 2.0, (each.name, seed)
+            assert found.swings <= 1, (each.name, seed)
+
+
+def _late_now_and_then(time: float, random: Random) -> float:
+    del time
+    return 0.2 if random.random() < 0.03 else 0.0
+
+
+def _quantised(time: float, random: Random) -> float:
+    del random
+    return (time + 9.0) // 0.033 * 0.033 - 9.0 - time + 0.0165
+
+
+@pytest.mark.parametrize("noise", [_late_now_and_then, _quantised, lambda time, _: 0.02 * sin(17 * time)])
+def test_stamps_that_are_wrong_in_other_ways_cost_no_centring_either(tried: Tried, noise: StampNoise) -> None:
+    for body in Body:
+        for path in (stands, walks):
+            found = tried("face", Scenario(path.__name__, path, stamp_noise=noise, learning=LEARNING), body, seed=1)
+            assert found.centred is not None
+            assert found.rms is not None
+            assert degrees(found.rms) < 0.6
+            assert found.delay_error is None or abs(found.delay_error) <= NEAR
 
 
 def test_a_swing_is_followed_as_far_as_it_can_be_and_never_made_worse_than_by_standing_still(tried: Tried) -> None:
@@ -305,3 +351,15 @@ def test_the_table_has_a_block_for_each_scenario_and_body(rules: dict[str, RuleB
     figures = rows[0].as_dict()
     assert figures["scenario"] == "walk at 20 deg/s"
     assert figures["rms"] == pytest.approx(degrees(rows[0].score.rms or 0.0))
+
+
+def test_the_table_of_stamps_tells_what_was_learnt_and_what_that_was_worth(rules: dict[str, RuleBases]) -> None:
+    rows = list(bench({"face": rules["face"]}, scenarios=STAMPS[:1], bodies=[Body.BASE]))
+    heading, line = stamp_summary(rows)
+    assert heading.split() == ["known", "worst", "centred", "x", "bound", "past", "RMS"]
+    assert line.split()[:6] == ["step", "±10", "ms", "base", "face", "1/1"]
+
+
+def test_a_score_counts_how_often_the_robot_went_past() -> None:
+    found = score(trace(25, 10, -4, 1, 3, 0, 0, -1), STEP, Body.HEAD)
+    assert found.swings == 2

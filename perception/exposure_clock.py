@@ -1,0 +1,50 @@
+"""Times of exposure from time stamps: they rise, and a stamp that cannot be right is replaced."""
+
+from collections import deque
+from dataclasses import dataclass
+from math import inf, nextafter, radians
+from statistics import median
+
+REMEMBERED, FEWEST = 9, 5
+"""Pictures whose ages are remembered, and the fewest that tell the usual age."""
+
+TOO_YOUNG = 0.1
+"""Seconds by which a picture must be younger than usual for its stamp to be wrong: none comes sooner than it can."""
+
+BACK = 0.03
+"""Seconds by which an exposure must be before the last one for its stamp to be wrong: jitter is less."""
+
+DOUBT = radians(10)
+"""Doubt about the direction of the camera for a picture with a wrong stamp: radians, one sigma."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exposure:
+    """Time of an exposure in seconds. ``stamp`` rises from picture to picture; ``doubt`` is in radians."""
+
+    time: float
+    stamp: float
+    doubt: float = 0.0
+
+
+class ExposureClock:
+    """Turns stamps into exposures, one picture after the other."""
+
+    def __init__(self) -> None:
+        self._last = -inf
+        self._ages: deque[float] = deque(maxlen=REMEMBERED)
+
+    def expose(self, stamp: float, delay: float, now: float | None) -> Exposure:
+        """Return the exposure of a picture that was stamped ``delay`` seconds late and is there ``now``.
+
+        One wrong stamp in the future would otherwise hold up the stamps of all pictures until that time.
+        """
+        time, wrong = stamp - delay, False
+        if now is not None:
+            usual = median(self._ages) if len(self._ages) >= FEWEST else -inf
+            self._ages.append(now - stamp)
+            if now - stamp < usual - TOO_YOUNG:
+                time, wrong = now - usual - delay, True
+        wrong = wrong or time < self._last - BACK
+        self._last = max(time, nextafter(self._last, inf))
+        return Exposure(time, self._last, DOUBT if wrong else 0.0)
