@@ -48,6 +48,13 @@ CLAIMS = (
         "twins in simulated time: no wire, no server, no page",
     ),
     Claim(
+        "range guard",
+        "among people and furniture, whoever drives: a base drives into nothing that was visible to its range finder "
+        "in time ([defined before](base.md#visible-in-time)); 95 % of clean missions still finish, 10 % slower at most",
+        f"TRIES=10000 {TESTS}tests/drivers/test_guard_campaign.py",
+        "a simulated range finder, whose plane nothing is above or below; round bases",
+    ),
+    Claim(
         "run killed",
         "`kill -9` while it drives: the base is at rest 0.7 s after it last heard anything; at any moment since its "
         "start: its record can be read, no process, note or socket is left behind",

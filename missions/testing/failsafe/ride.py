@@ -14,6 +14,7 @@ from drivers.sim.twins.base import BaseTwin
 from missions.executive.asked import Decided
 from missions.executive.guard import Guard
 from missions.executive.stream import Stream
+from missions.testing.failsafe.eyes import StagedRanger
 from missions.testing.failsafe.settings import (
     BATTERIES,
     FAULTS,
@@ -176,6 +177,7 @@ class TwinHand:
 
     def __init__(self, setting: Setting, timeline: Timeline) -> None:
         self.base = BaseTwin(timeline.clock, **settings_of(keys_for(setting), Nobody()))
+        self.eyes = StagedRanger(self.base, timeline.clock)
         timeline.every(self.base.PERIOD, self.base.step)
 
     def feel(self, bumper: Sides = NOTHING, cliff: Sides = NOTHING, buttons: frozenset[int] = frozenset()) -> None:

@@ -4,13 +4,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from math import radians
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from config.library import find
 from drivers.api import Base, Reflexes, Sides, Source, Velocity
 from drivers.api.quick import dataclass
 from drivers.api.sections import BaseKeys
 from missions.library.drivers import load_robot
+
+if TYPE_CHECKING:
+    from missions.testing.failsafe.eyes import StagedRanger
 
 ROBOT = "turtlebot2"
 """Whose base it is, with its limits and reflexes."""
@@ -24,6 +27,11 @@ class Hand(Protocol):
     @property
     def base(self) -> Base:
         """The driver, or the twin."""
+        ...
+
+    @property
+    def eyes(self) -> "StagedRanger":
+        """The range finder that guards it."""
         ...
 
     def feel(self, bumper: Sides = NOTHING, cliff: Sides = NOTHING, buttons: frozenset[int] = frozenset()) -> None:
@@ -55,6 +63,13 @@ def _touched(
 
 def _away(seconds: float) -> Befalls:
     return (0.0, lambda hand: hand.plug(there=False)), (seconds, lambda hand: hand.plug(there=True))
+
+
+def _freeze(*, frozen: bool) -> Callable[[Hand], object]:
+    def do(hand: Hand) -> None:
+        hand.eyes.frozen = frozen
+
+    return do
 
 
 STOP, ENABLE = frozenset({0}), frozenset({2})
@@ -90,6 +105,8 @@ FAULTS: Mapping[str, Befalls] = {
     "unplugged for 0.6 s": _away(0.6),
     "unplugged for 2 s": _away(2.0),
     "unplugged for 6 s": _away(6.0),
+    "something 2 cm ahead for 2 s": ((0.0, lambda hand: hand.eyes.put(0.02)), (2.0, lambda hand: hand.eyes.put(None))),
+    "no scans for 4 s": ((0.0, _freeze(frozen=True)), (4.0, _freeze(frozen=False))),
     "who drives falls silent": (),
 }
 """What happens after ``BEGINS``."""

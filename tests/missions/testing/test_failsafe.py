@@ -10,6 +10,7 @@ from drivers.base.steered import settings_of
 from drivers.kobuki.driver import DOZE, KobukiBase
 from drivers.sim.timeline import Timeline
 from drivers.virtual.kobuki import VirtualKobuki
+from missions.testing.failsafe.eyes import StagedRanger
 from missions.testing.failsafe.ride import Moment, Nobody, Ride, stepped_through
 from missions.testing.failsafe.settings import CHOICES, NOTHING, Setting, keys_for
 from tests.drivers.cranked import HandWire
@@ -32,6 +33,7 @@ class WireHand:
         self.kobuki = VirtualKobuki()
         self.wire = HandWire(self.kobuki, timeline)
         self.base = KobukiBase(self.wire.link("base"), timeline.clock, **settings_of(keys_for(setting), Nobody()))
+        self.eyes = StagedRanger(self.base, timeline.clock)
 
     def feel(self, bumper: Sides = NOTHING, cliff: Sides = NOTHING, buttons: frozenset[int] = frozenset()) -> None:
         self.kobuki.bumper, self.kobuki.cliff, self.kobuki.buttons = bumper, cliff, buttons
@@ -74,3 +76,14 @@ def test_the_page_says_what_the_real_driver_does_with_a_virtual_kobuki(first: in
         assert [each.what for each in page] == [each.what for each in wire], setting
         assert [each.t for each in page] == pytest.approx([each.t for each in wire], abs=SOON), setting
         assert [each.ahead for each in page] == pytest.approx([each.ahead for each in wire], abs=NEAR), setting
+
+
+@pytest.mark.parametrize("fault", ["something 2 cm ahead for 2 s", "no scans for 4 s"])
+@pytest.mark.parametrize("wish", ["ahead", "back"])
+def test_what_the_range_guard_does_is_the_same_over_the_wire(fault: str, wish: str) -> None:
+    setting = Setting(fault=fault, wish=wish)
+    page, wire = lasting(list(stepped_through(setting))), lasting(on_the_wire(setting))
+    assert [each.what for each in page] == [each.what for each in wire]
+    assert any("range finder" in each.because or "in the way" in each.because for each in page) is (
+        fault.startswith("no scans") or wish == "ahead"
+    )
