@@ -11,7 +11,7 @@ import pytest
 from behaviours.leaf import RUNNING, SUCCESS
 from drivers.api import Pose2D
 from missions.cli.doctor.base_trial import TURN, WAY, TryBase
-from missions.cli.doctor.base_verdict import Seen, encoder_fault, judge
+from missions.cli.doctor.base_verdict import SeenMotion, encoder_fault, judge
 from missions.testing.recorders import Bench
 from tests.contract.test_base_contract import BaseRig, TwinBase, WireBase
 from tests.contract.test_plain_base_contract import Twin, WaveRover, Waveshare
@@ -118,7 +118,7 @@ class Trial:
         bench.robot = replace(bench.robot, base_part=rig.device)
         self.bench = bench
         bench.put(self.leaf)
-        self.seen: dict[str, Seen] = {}
+        self.seen: dict[str, SeenMotion] = {}
         self.reach = self.turned = 0.0
 
     def run(self, limit: float = 30.0) -> Any:
@@ -148,16 +148,16 @@ class Trial:
         return {each.about: (each.verdict, each.what) for each in found}
 
 
-def saw(before: Pose2D, here: Pose2D) -> Seen:
+def saw(before: Pose2D, here: Pose2D) -> SeenMotion:
     """Return what a person sees of a movement: the greater part of it, by the way of a wheel."""
     turn = here.heading - before.heading
     dx, dy = here.x - before.x, here.y - before.y
     way = dx * cos(before.heading) + dy * sin(before.heading)
     if max(abs(turn), abs(way) / 0.115) < radians(1.5):
-        return Seen.NONE
+        return SeenMotion.NONE
     if abs(turn) * 0.115 >= 0.8 * abs(way):
-        return Seen.LEFT if turn > 0 else Seen.RIGHT
-    return Seen.AHEAD if way > 0 else Seen.BACK
+        return SeenMotion.LEFT if turn > 0 else SeenMotion.RIGHT
+    return SeenMotion.AHEAD if way > 0 else SeenMotion.BACK
 
 
 @pytest.fixture(params=[*RIGS.values()], ids=[*RIGS])
@@ -219,7 +219,7 @@ def test_where_gyro_and_encoders_differ_it_is_said_which_is_likely_wrong(
     fault(rig, gyro=share)
     trial, _ = tried(rig)
     rig.close()
-    found = list(judge(trial.leaf.trial, Seen.LEFT, Seen.AHEAD))
+    found = list(judge(trial.leaf.trial, SeenMotion.LEFT, SeenMotion.AHEAD))
     assert any(each.about == "gyro" and words in each.what and each.verdict != "ok" for each in found), found
 
 

@@ -28,7 +28,7 @@ TRACK = 0.23
 
 
 @dataclass(frozen=True, slots=True)
-class Moved:
+class InstrumentReadings:
     """Motion by the instruments.
 
     Metres of the left and the right wheel, the radians that these make, and those of the gyro (None without one).
@@ -49,9 +49,9 @@ class BaseTrial:
     odometry was taken apart. ``faults`` are the reasons for which its driver stopped it meanwhile.
     """
 
-    rest: Moved = Moved()
-    turn: Moved = Moved()
-    ahead: Moved = Moved()
+    rest: InstrumentReadings = InstrumentReadings()
+    turn: InstrumentReadings = InstrumentReadings()
+    ahead: InstrumentReadings = InstrumentReadings()
     measured: bool = True
     counted: bool = False
     faults: list[str] = field(default_factory=list)
@@ -78,7 +78,7 @@ class TryBase(Leaf):
     drives = frozenset({"base"})
     trial: BaseTrial
     _index = 0
-    _from: Moved | None = None  # the instruments when the step began
+    _from: InstrumentReadings | None = None  # the instruments when the step began
     _until = 0.0
     _settling = False
     _faulty = False  # this step was cut short
@@ -141,7 +141,7 @@ class TryBase(Leaf):
         else:
             self.robot.base.drive(velocity)
 
-    def _runs_away(self, moved: Moved, velocity: Velocity) -> bool:
+    def _runs_away(self, moved: InstrumentReadings, velocity: Velocity) -> bool:
         """Whether the instruments show far more motion than was commanded."""
         if velocity == STILL or not self.trial.measured:
             return False
@@ -168,20 +168,20 @@ class TryBase(Leaf):
         self.robot.base.stop()
 
 
-def instruments(state: BaseState) -> Moved:
+def instruments(state: BaseState) -> InstrumentReadings:
     """Return the readings of a base's instruments; a pose without counters is taken apart into two wheels."""
     found: Odometers | None = state.odometers
     if found is not None:
-        return Moved(found.left, found.right, found.turn, found.gyro)
+        return InstrumentReadings(found.left, found.right, found.turn, found.gyro)
     # Without a turn in between, the way is along x of the start; the trial turns back before it drives.
     way, half = state.pose.x, state.pose.heading * TRACK / 2
-    return Moved(way - half, way + half, state.pose.heading)
+    return InstrumentReadings(way - half, way + half, state.pose.heading)
 
 
-def _since(before: Moved, after: Moved, seconds: float) -> Moved:
+def _since(before: InstrumentReadings, after: InstrumentReadings, seconds: float) -> InstrumentReadings:
     gyro = None if before.gyro is None or after.gyro is None else after.gyro - before.gyro
     left, right, turn = after.left - before.left, after.right - before.right, after.turn - before.turn
-    return Moved(left, right, turn, gyro, seconds)
+    return InstrumentReadings(left, right, turn, gyro, seconds)
 
 
 def _amount(velocity: Velocity) -> str:

@@ -6,7 +6,7 @@ from math import copysign, degrees
 
 from drivers.api.findings import Finding, warning, wrong
 from drivers.base.gyro_drift import drift
-from missions.cli.doctor.base_trial import TRACK, TURN, WAY, BaseTrial, Moved
+from missions.cli.doctor.base_trial import TRACK, TURN, WAY, BaseTrial, InstrumentReadings
 
 COUNTED = 0.2
 """Share of the commanded way from which on a wheel counts as turned."""
@@ -18,7 +18,7 @@ AGREEMENT = 1.7
 """Factor by which gyro and encoders may differ: wheels slip, tracks are estimates."""
 
 
-class Seen(Enum):
+class SeenMotion(Enum):
     """Motion that a person saw."""
 
     LEFT = "left"
@@ -31,41 +31,54 @@ class Seen(Enum):
 Signs = tuple[int, int]
 """Directions in which the left and the right wheel turned: 1, -1, or 0."""
 
-_WHEELS: dict[Seen, Signs] = {
-    Seen.LEFT: (-1, 1), Seen.RIGHT: (1, -1), Seen.AHEAD: (1, 1), Seen.BACK: (-1, -1), Seen.NONE: (0, 0),
-}  # fmt: skip
+_WHEELS: dict[SeenMotion, Signs] = {
+    SeenMotion.LEFT: (-1, 1),
+    SeenMotion.RIGHT: (1, -1),
+    SeenMotion.AHEAD: (1, 1),
+    SeenMotion.BACK: (-1, -1),
+    SeenMotion.NONE: (0, 0),
+}
 
 _SWAP = "swap the plugs of the left and the right motor"
-_MOTORS: dict[tuple[Seen, Seen], tuple[str, str]] = {
-    (Seen.RIGHT, Seen.AHEAD): ("the left and the right motor are swapped", _SWAP),
-    (Seen.RIGHT, Seen.BACK): ("both motors turn the wrong way", "swap the two wires of each motor"),
-    (Seen.LEFT, Seen.BACK): (
+_MOTORS: dict[tuple[SeenMotion, SeenMotion], tuple[str, str]] = {
+    (SeenMotion.RIGHT, SeenMotion.AHEAD): ("the left and the right motor are swapped", _SWAP),
+    (SeenMotion.RIGHT, SeenMotion.BACK): ("both motors turn the wrong way", "swap the two wires of each motor"),
+    (SeenMotion.LEFT, SeenMotion.BACK): (
         "the left and the right motor are swapped, and both turn the wrong way",
         f"{_SWAP}, and the two wires of each",
     ),
-    (Seen.AHEAD, Seen.LEFT): ("the left motor turns the wrong way", "swap the two wires of the left motor"),
-    (Seen.BACK, Seen.RIGHT): ("the right motor turns the wrong way", "swap the two wires of the right motor"),
-    (Seen.BACK, Seen.LEFT): (
+    (SeenMotion.AHEAD, SeenMotion.LEFT): ("the left motor turns the wrong way", "swap the two wires of the left motor"),
+    (SeenMotion.BACK, SeenMotion.RIGHT): (
+        "the right motor turns the wrong way",
+        "swap the two wires of the right motor",
+    ),
+    (SeenMotion.BACK, SeenMotion.LEFT): (
         "the left and the right motor are swapped, and the one on the left turns the wrong way",
         f"{_SWAP}, then try again",
     ),
-    (Seen.AHEAD, Seen.RIGHT): (
+    (SeenMotion.AHEAD, SeenMotion.RIGHT): (
         "the left and the right motor are swapped, and the one on the right turns the wrong way",
         f"{_SWAP}, then try again",
     ),
-    (Seen.LEFT, Seen.LEFT): ("the left wheel does not turn", "look at the left motor, its plug and its fuse"),
-    (Seen.LEFT, Seen.RIGHT): ("the right wheel does not turn", "look at the right motor, its plug and its fuse"),
+    (SeenMotion.LEFT, SeenMotion.LEFT): (
+        "the left wheel does not turn",
+        "look at the left motor, its plug and its fuse",
+    ),
+    (SeenMotion.LEFT, SeenMotion.RIGHT): (
+        "the right wheel does not turn",
+        "look at the right motor, its plug and its fuse",
+    ),
 }
 """Fault and cure by what was seen of the turn to the left, and of the way ahead."""
 
-_ONE_WHEEL: dict[tuple[Seen, Seen], tuple[Signs, Signs]] = {
-    (Seen.LEFT, Seen.LEFT): ((0, 1), (0, 1)),
-    (Seen.LEFT, Seen.RIGHT): ((-1, 0), (1, 0)),
+_ONE_WHEEL: dict[tuple[SeenMotion, SeenMotion], tuple[Signs, Signs]] = {
+    (SeenMotion.LEFT, SeenMotion.LEFT): ((0, 1), (0, 1)),
+    (SeenMotion.LEFT, SeenMotion.RIGHT): ((-1, 0), (1, 0)),
 }
 """True directions of the wheels where only one turns."""
 
 
-def judge(trial: BaseTrial, turn: Seen, ahead: Seen) -> Iterator[Finding]:
+def judge(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> Iterator[Finding]:
     """Yield the findings, given the motion that a person saw of the turn to the left and of the way ahead."""
     if trial.rest.gyro is not None:
         yield drift(trial.rest.gyro, trial.rest.seconds)
@@ -75,7 +88,7 @@ def judge(trial: BaseTrial, turn: Seen, ahead: Seen) -> Iterator[Finding]:
         return
     truth = _ONE_WHEEL.get((turn, ahead), (_WHEELS[turn], _WHEELS[ahead]))
     counted = _signs(trial.turn, TURN * TRACK / 2), _signs(trial.ahead, WAY)
-    if turn is ahead is Seen.NONE:
+    if turn is ahead is SeenMotion.NONE:
         yield from _standing(trial, counted)
         return
     encoders = encoder_fault(truth, counted)
@@ -112,11 +125,11 @@ _CHANGES = (
 )
 
 
-def _motors(trial: BaseTrial, turn: Seen, ahead: Seen) -> Iterator[Finding]:
+def _motors(trial: BaseTrial, turn: SeenMotion, ahead: SeenMotion) -> Iterator[Finding]:
     stopped = f" (its driver stopped it: {'; '.join(dict.fromkeys(trial.faults))})" if trial.faults else ""
-    if (turn, ahead) == (Seen.LEFT, Seen.AHEAD):
+    if (turn, ahead) == (SeenMotion.LEFT, SeenMotion.AHEAD):
         yield Finding("motors", "turn as they should")
-    elif turn is ahead is Seen.NONE:
+    elif turn is ahead is SeenMotion.NONE:
         cure = "is its E-stop pressed, or a motor switch off? look at the motors' supply"
         yield wrong("motors", f"it did not move{stopped}", cure)
     elif fault := _MOTORS.get((turn, ahead)):
@@ -163,7 +176,7 @@ def _amounts(gyro: float, wheels: float, commanded: float, *, counted: bool) -> 
     return warning("gyro", what, "try it on a floor with more grip; check the wheels' measures in the robot file")
 
 
-def _signs(moved: Moved, commanded: float) -> Signs:
+def _signs(moved: InstrumentReadings, commanded: float) -> Signs:
     """Return in which direction each wheel was counted."""
     left, right = (0 if abs(way) < COUNTED * commanded else 1 if way > 0 else -1 for way in (moved.left, moved.right))
     return left, right

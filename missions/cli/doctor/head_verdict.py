@@ -21,7 +21,7 @@ RESPONSE = 0.06
 """Share of the picture's energy in the peak of the correlation, from which on a shift is believed."""
 
 AGREEMENT = 0.4
-"""Correlation from which on the whole picture has moved by a shift, and not just somebody in it."""
+"""Correlation from which on the whole picture has moved by a shift, and not just a person in it."""
 
 CONTRAST = 10.0
 """Grey levels beyond which a contrast counts no more."""
@@ -56,7 +56,7 @@ def judge(pictures: Pictures, field_of_view: float) -> Iterator[Finding]:
         yield wrong("pan and tilt", f"{both}: {pan.what}; {tilt.what}", f"look how the camera sits; else {CURE}")
         return
     swapped = SWAPPED in pan.what and SWAPPED in tilt.what
-    for each in (pan, tilt):  # of swapped plugs both axes tell; of somebody who walks by, one
+    for each in (pan, tilt):  # of swapped plugs both axes tell; of a person who walks by, one
         yield (
             each
             if swapped or SWAPPED not in each.what
@@ -116,7 +116,7 @@ def agreement(one: Image, other: Image, moved: Shift) -> float:
 
 
 def _flat(image: Image) -> "np.ndarray[tuple[int, ...], np.dtype[np.float32]]":
-    """Return a picture in which somebody of strong contrast weighs no more than the room."""
+    """Return a picture in which a person of strong contrast weighs no more than the room."""
     return np.clip(_even(image), -CONTRAST, CONTRAST)
 
 

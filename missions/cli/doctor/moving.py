@@ -15,7 +15,7 @@ from drivers.api.findings import Finding, warning, wrong
 from drivers.api.sections import ArmKeys
 from missions.assembly.checkup import Checked
 from missions.cli.doctor.base_trial import TryBase
-from missions.cli.doctor.base_verdict import Seen, judge
+from missions.cli.doctor.base_verdict import SeenMotion, judge
 from missions.cli.doctor.nudge import Nudge
 from missions.cli.servo.running import run_plan
 from missions.executive.executive import Result
@@ -115,8 +115,8 @@ def _base_tried(trial: Trial, config: RobotConfig, order: RunRequest, ask: Ask) 
     if result.result != "success":
         yield wrong(trial.about, result.reason, f"mend that, then: mission doctor --move --robot {order.robot}")
         return
-    turn = _seen(ask, trial.question, Seen.LEFT)
-    ahead = _seen(ask, "Then, did it go ahead first?", Seen.AHEAD)
+    turn = _seen(ask, trial.question, SeenMotion.LEFT)
+    ahead = _seen(ask, "Then, did it go ahead first?", SeenMotion.AHEAD)
     yield from judge(leaf.trial, turn, ahead)
 
 
@@ -142,17 +142,23 @@ def _head_tried(
         yield wrong(trial.about, "it has done something else than it was told", cure)
 
 
-def _seen(ask: Ask, question: str, expected: Seen) -> Seen:
+def _seen(ask: Ask, question: str, expected: SeenMotion) -> SeenMotion:
     """Ask what a movement was: the expected one first, then the opposite, then all others."""
     if ask(question):
         return expected
-    return next((each for each in _INSTEAD[expected] if ask(f"Did it {_DO[each]} instead?")), Seen.NONE)
+    return next((each for each in _INSTEAD[expected] if ask(f"Did it {_DO[each]} instead?")), SeenMotion.NONE)
 
 
-_INSTEAD = {Seen.LEFT: (Seen.RIGHT, Seen.AHEAD, Seen.BACK), Seen.AHEAD: (Seen.BACK, Seen.LEFT, Seen.RIGHT)}
+_INSTEAD = {
+    SeenMotion.LEFT: (SeenMotion.RIGHT, SeenMotion.AHEAD, SeenMotion.BACK),
+    SeenMotion.AHEAD: (SeenMotion.BACK, SeenMotion.LEFT, SeenMotion.RIGHT),
+}
 _DO = {
-    Seen.LEFT: "turn to its left", Seen.RIGHT: "turn to its right", Seen.AHEAD: "go ahead", Seen.BACK: "go back",
-}  # fmt: skip
+    SeenMotion.LEFT: "turn to its left",
+    SeenMotion.RIGHT: "turn to its right",
+    SeenMotion.AHEAD: "go ahead",
+    SeenMotion.BACK: "go back",
+}
 
 
 def _tried(trial: Trial, config: RobotConfig, order: RunRequest, ask: Ask) -> Finding:
