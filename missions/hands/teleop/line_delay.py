@@ -21,8 +21,9 @@ MAX_OPEN_QUESTIONS = 8
 ANSWER_TIMEOUT = 60.0
 """Seconds after which a question counts as lost."""
 
-FIRST_ANSWER_TIMEOUT = 6.0
-"""Seconds after which a terminal of this machine counts as one that never answers, so that its keys drive."""
+FIRST_ANSWER_TIMEOUT = 12.0
+"""Seconds after which a terminal of this machine counts as one that never answers, so that its keys drive: more than
+the slowest line takes there and back, 5 s each."""
 
 FIRST_ROW = 2
 """The row of the first place: F3 with Shift is a key that looks like an answer of row 1."""

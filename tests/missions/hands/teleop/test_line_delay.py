@@ -70,21 +70,25 @@ class FarTerminal:
 
     def _send(self, what: str) -> None:
         self.sent = max(self.sent, self.clock.now() + self.up(self.clock.now()))
-        self.timeline.at(self.sent, partial(self._come, what))
-
-    def _come(self, what: str) -> None:
-        if ";" in what:
-            self.line.answer(*map(int, what.split(";")))
-        else:
-            self.came.append(what)
+        self.timeline.at(self.sent, partial(self.came.append, what))
 
     def _hold(self) -> None:
         if self.clock.now() < self.until:
             self._send("i")
 
     def _typed(self, seconds: float) -> str:
-        self.timeline.run(self.clock.now() + seconds, lambda: bool(self.came))
-        return self.came.pop(0) if self.came else ""
+        """Return a key as ``Keys.read`` does: answers and keys come in one stream, which is read without a pause."""
+        until = self.clock.now() + seconds
+        while True:
+            while self.came:
+                what = self.came.pop(0)
+                if ";" not in what:
+                    return what
+                self.line.answer(*map(int, what.split(";")))
+                until = self.clock.now()
+            if self.clock.now() >= until:
+                return ""
+            self.timeline.run(until, lambda: bool(self.came))
 
     def _step(self) -> None:
         self.base.step()
