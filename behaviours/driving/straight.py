@@ -20,8 +20,9 @@ class Drive(Motion):
     """Drive straight ahead, or back for a negative distance.
 
     Running until the distance is covered by odometry and the base stands still, then succeeds.
-    Fails when it bumps into something or comes to a cliff, when a wheel drops, and while the base is stopped until
-    somebody enables it. While somebody steers the base by hand it waits, then goes on along its line.
+    Fails when it bumps into something or comes to a cliff, when a wheel drops, once the range guard has seen something
+    in its way for 5 s, and while the base is stopped until somebody enables it. While somebody steers the base by hand
+    it waits, then goes on along its line.
     """
 
     word = "drive"

@@ -3,10 +3,10 @@
 import math
 
 from behaviours.clearance import Lookout, free_way, safe_speed
-from behaviours.driving.motion import BRAKING, REACTION, Way, held_up, obstacle
+from behaviours.driving.motion import BRAKING, HELD_OFF, REACTION, Way, held_up, obstacle
 from behaviours.leaf import argument
 from behaviours.tracking.track_face import TrackFace
-from drivers.api import BaseState
+from drivers.api import STILL, BaseState, Steering, is_guarded
 from perception.api import Percept
 
 EAGERNESS = 0.8
@@ -28,7 +28,8 @@ class FollowPerson(TrackFace):
 
     Running while there is a face to follow; it never succeeds. It never drives backwards. With a range finder it slows
     down for whatever is in its way, and stops before it. Fails once no face was seen for `patience`, when it bumps into
-    something, comes to a cliff, or a wheel drops, and while the base is stopped until somebody enables it.
+    something, comes to a cliff, or a wheel drops, once something has been in its way for 5 s, and while the base is
+    stopped until somebody enables it.
     """
 
     word = "follow_person"
@@ -38,15 +39,30 @@ class FollowPerson(TrackFace):
     speed: float = argument("speed", "how fast it may drive", default=0.3, low=0.01, high=0.7)
 
     _lookout: Lookout | None = None
+    _held_off_since: float | None = None
 
     def initialise(self) -> None:
         super().initialise()
+        self._held_off_since = None
         self._lookout = Lookout(self.robot)
 
     def trouble(self) -> str:
         base = self.robot.base
         state = base.state().value
-        return held_up(base) or ("" if state is None else obstacle(state, Way.AHEAD, base.steering()))
+        steering = base.steering()
+        return (
+            held_up(base) or ("" if state is None else obstacle(state, Way.AHEAD, steering)) or self._held_off(steering)
+        )
+
+    def _held_off(self, steering: Steering) -> str:
+        """Say what the range guard sees in the way, once the base has stood for ``HELD_OFF`` seconds because of it."""
+        if not is_guarded(steering) or steering.given != STILL:
+            self._held_off_since = None
+            return ""
+        now = self.run.now()
+        if self._held_off_since is None:
+            self._held_off_since = now
+        return steering.because if now - self._held_off_since > HELD_OFF else ""
 
     def forward(self, target: Percept, pan: float) -> float:
         too_far = target.distance - self.distance - SLACK

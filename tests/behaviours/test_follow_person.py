@@ -10,9 +10,10 @@ from behaviours.leaf import FAILURE, RUNNING
 from behaviours.tracking.follow import RuleBases
 from behaviours.tracking.follow_person import FollowPerson
 from config.controller import load_controller
-from config.faults import InvalidFileError, Source
+from config.faults import InvalidFileError
+from config.faults import Source as FileSource
 from config.library import shipped
-from drivers.api import BaseState, HeadPose, Pose2D, Sides, Velocity
+from drivers.api import BaseState, HeadPose, Pose2D, Sides, Source, Steering, Velocity
 from missions.language.document import check_plan
 from missions.library.things import THINGS
 from missions.testing.recorders import STOP, Bench, face, good, none, stale
@@ -174,5 +175,23 @@ def test_a_halt_stops_the_base(rules: RuleBases) -> None:
 
 def test_it_cannot_be_told_to_come_so_near_that_it_bumps_into_people() -> None:
     with pytest.raises(InvalidFileError, match=r"'distance' must be between 0\.6 m and 5 m"):
-        check_plan(Source("m.yaml", "mission: m\ntree: {follow_person: {distance: 0.59 m}}\n"), LEAVES, THINGS)
-    check_plan(Source("m.yaml", "mission: m\ntree: {follow_person: {distance: 0.6 m}}\n"), LEAVES, THINGS)
+        check_plan(FileSource("m.yaml", "mission: m\ntree: {follow_person: {distance: 0.59 m}}\n"), LEAVES, THINGS)
+    check_plan(FileSource("m.yaml", "mission: m\ntree: {follow_person: {distance: 0.6 m}}\n"), LEAVES, THINGS)
+
+
+def test_it_fails_once_the_range_guard_has_kept_the_base_from_moving_for_five_seconds(rules: RuleBases) -> None:
+    bench = Bench()
+    leaf = following(bench, rules)
+    because = "something is in the way, 0.1 m ahead"
+    blocked = Steering(Source.MISSION, Velocity(0.3, 0.0), Velocity(0.0, 0.0), because)
+    slowed = replace(blocked, given=Velocity(0.05, 0.0))
+    for steering, seconds in ((blocked, 4.9), (slowed, 0.2), (blocked, 4.9)):
+        bench.base.steers = steering
+        for _ in range(round(seconds / 0.1)):
+            show(bench, 3.0)
+            assert bench.tick(leaf, after=0.1) is RUNNING
+    for _ in range(3):
+        show(bench, 3.0)
+        status = bench.tick(leaf, after=0.1)
+    assert status is FAILURE
+    assert leaf.feedback_message == because
