@@ -316,7 +316,7 @@ def test_a_robot_without_a_range_finder_loads_nothing_for_it() -> None:
 def test_a_renewal_costs_less_than_a_third_of_a_millisecond() -> None:
     ranger = ScriptedRanger()
     room = GuardedBase(ranger=ranger)
-    around = [(0.6 * cos(radians(a)), 0.6 * sin(radians(a))) for a in range(360)]
+    around = [(0.45 * cos(radians(a)), 0.45 * sin(radians(a))) for a in range(360)]
     ranger.see(room.now, *around)
     guard, limits = room.base._mux.guard, room.base._mux._limits
     assert guard is not None
