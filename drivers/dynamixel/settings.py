@@ -54,28 +54,25 @@ def planned(bus: Bus, at: At, table: Table, wanted: Mapping[str, int]) -> list[C
         raise BadRequest(f"{who}: {table.speed} 0 is no speed, but as fast as it can", hint=hint)
     held = [Change(register, bus.read(at, register), wanted[register.name]) for register in registers]
     changes = sorted((change for change in held if change.before != change.after), key=_turn)
-    for change in changes:
-        if change.register.name == "id" and _is_taken(bus, change.after):
-            raise BadRequest(
-                f"{bus.name}: servo {at.id} cannot become {change.after}: there is a servo with that ID already",
-                hint="mission servo scan  (with the same --robot FILE or --port PORT) lists the IDs that are taken",
-            )
+    _require_free_id(bus, at, changes)
     return changes
 
 
 def apply(bus: Bus, at: At, table: Table, changes: Sequence[Change]) -> bool:
     """Make ``changes``, each verified before the next; return whether the servo was stiff: then it is limp now.
 
-    The servo is identified anew first: it may have been replaced since ``planned``. When this raises, ``planned`` tells
-    what is left to do. Raises DeviceFault, before anything is written, unless one servo alone, with this table, has
-    its ID; DeviceFault for a register that does not hold what was written to it, or an old ID that still answers;
-    BadRequest for what the servo refuses; NoReply when it cannot be found again; NotConnected, before anything is
-    written if the adapter cannot follow to a new baud rate.
+    The servo is identified anew first: it may have been replaced since ``planned``, and another one with its new ID
+    may have been plugged in. When this raises, ``planned`` tells what is left to do. Raises DeviceFault, before
+    anything is written, unless one servo alone, with this table, has its ID; BadRequest, before anything is written,
+    for an ID that another servo has; DeviceFault for a register that does not hold what was written to it, or an old
+    ID that still answers; BadRequest for what the servo refuses; NoReply when it cannot be found again; NotConnected,
+    before anything is written if the adapter cannot follow to a new baud rate.
     """
     if not changes:
         return False
     changes = sorted(changes, key=_turn)
     _require_sole(bus, at, table)
+    _require_free_id(bus, at, changes)
     lasting = any(change.register.eeprom for change in changes)
     opens = at.protocol == "STS" and lasting
     if lasting and not opens and "lock" in table and bus.read(at, table["lock"]):
@@ -158,6 +155,16 @@ def _require_sole(bus: Bus, at: At, table: Table) -> None:
     known = model_of(number)
     if known is None or known.table is not table:
         raise DeviceFault(f"{bus.name}: servo {at.id} is model {number}, which has another control table", hint=SCAN)
+
+
+def _require_free_id(bus: Bus, at: At, changes: Sequence[Change]) -> None:
+    """Raise BadRequest if a change gives the servo an ID at which another one answers."""
+    for change in changes:
+        if change.register.name == "id" and _is_taken(bus, change.after):
+            raise BadRequest(
+                f"{bus.name}: servo {at.id} cannot become {change.after}: there is a servo with that ID already",
+                hint="mission servo scan  (with the same --robot FILE or --port PORT) lists the IDs that are taken",
+            )
 
 
 def _is_taken(bus: Bus, servo: int) -> bool:

@@ -158,6 +158,17 @@ def test_an_id_that_two_servos_share_already_is_taken() -> None:
         planned(wired.bus(), At(1), MODELS["AX-12A"].table, {"id": 5})
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_an_id_that_was_taken_after_the_plan_is_refused(name: str) -> None:
+    bench = Bench(name)
+    changes = bench.plan(id=9, return_delay=0)
+    bench.other.set("id", 9)  # as plugged in while a person reads the question
+    bench.servo.set("torque_enable", 1)
+    with pytest.raises(BadRequest, match=r"servo 1 cannot become 9"):
+        apply(bench.bus, bench.at, bench.model.table, changes)
+    assert [bench.servo.get(name) for name in ("id", "return_delay", "torque_enable")] == [1, 250, 1]
+
+
 def test_keeping_its_own_id_is_no_collision(bench: Bench) -> None:
     assert not bench.plan(id=1)
 
