@@ -6,6 +6,7 @@ byte on the wires is kept.
 
 import json
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, field
@@ -277,6 +278,39 @@ def test_where_two_robots_fit_all_defaults_take_the_safe_one(bench: Workbench) -
     assert arm.at_end == "hold"
     assert all(joint.torque <= 0.5 for joint in arm.joints.values())
     assert load_defaults().robot == ""
+
+
+def test_defaults_that_were_taken_with_yes_are_no_answers_of_the_user(
+    bench: Workbench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plug_so101(bench)
+
+    def cut(*_: object) -> None:
+        raise click.Abort
+
+    with monkeypatch.context() as patch:
+        patch.setattr(sys.modules[dialogue.__module__], "write_new", cut)
+        with pytest.raises(click.Abort):
+            bench.session(Person(), yes=True)
+    person = Person({**ADA, r"like\?": "so101_leader"})
+    bench.session(person)
+    assert [asked for asked in person.asked if "called" in asked or "like?" in asked] == [
+        "what is the robot called? (my_robot)",
+        "which of these is it like? its names, limits and figures are taken over",
+    ]
+    arm = load_robot(find("robots", "ada")).keys(DynamixelKeys)
+    assert arm is not None
+    assert arm.at_end == "relax"
+
+
+def test_all_defaults_go_on_with_the_robot_that_the_user_has_named(bench: Workbench) -> None:
+    plug_so101(bench)
+    with pytest.raises(click.Abort):
+        bench.session(Person({**ADA, r"like\?": "so101_leader"}, stays=2))
+    bench.session(Person(), yes=True)
+    arm = load_robot(find("robots", "ada")).keys(DynamixelKeys)
+    assert arm is not None
+    assert arm.at_end == "relax"
 
 
 def test_servos_of_other_models_are_no_known_arm(bench: Workbench) -> None:

@@ -75,10 +75,9 @@ def like(talk: Dialogue, found: Sequence[Found]) -> Model | None:
         talk.tell("several fit what is plugged in, and nothing tells them apart:")
         talk.tell(*(f"  {model.name}: {model.summary}{_rest_of(model)}" for model in equal))
         proposed: str | None = None
-        if talk.yes:
+        if talk.yes and not talk.knows("like"):
             safe = _gentle(max(equal, key=lambda model: model.holds))
             talk.tell(f"{safe.name} is taken, with {GENTLE} of the torque: `mission robot new` without --yes asks")
-            talk.keep("like", safe.name)
             return safe
     else:
         proposed = fitting[0].name if fitting and _likeness(found, fitting[0]) > 0 else NONE

@@ -68,7 +68,8 @@ class Dialogue:
                 continue
             if kept is not None:
                 return self._again(question, answer)
-            self.keep(key, answer)
+            if not self.yes:  # a default that nobody has seen is no answer for a later dialogue
+                self.keep(key, answer)
             return answer
 
     def choice(self, key: str, question: str, among: Sequence[str], default: str | None) -> str:
