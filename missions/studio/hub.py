@@ -2,18 +2,19 @@
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Container, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from itertools import chain, count
 from math import inf
 from typing import Any, Self
 
 from drivers.clock import Clock, SystemClock
 from missions.studio.form import BadMessage
-from missions.studio.link import Link
+from missions.studio.link import Link, OnLine
 from missions.studio.searching import Found, Search, may_live, search
 from missions.studio.spare import SpareDescriptors
-from missions.studio.stopping import GONE, STOP_TRIES, stop_one
+from missions.studio.stopping import GONE, stop_one
 from missions.studio.watching import Watching
 
 PERIOD = 0.25
@@ -45,7 +46,8 @@ class Hub:
         self._changed, self._clock = changed, clock or SystemClock()
         self._links: dict[str, Link] = {}
         self._watched: dict[str, Watching] = {}
-        self._troubles: dict[str, tuple[str, float]] = {}  # by run: why it is not reached, and when that was tried
+        # By key, since two containers may have runs of one name: the run, why it is not reached, when that was tried.
+        self._troubles: dict[object, tuple[str, str, float]] = {}
         self._doubts: list[str] = []
         self._tasks: set[asyncio.Task[None]] = set()
         self._looking = asyncio.Lock()
@@ -72,10 +74,15 @@ class Hub:
 
     def runs(self) -> list[Mapping[str, object]]:
         """Return what there is, as `runs` tells it: the newest first."""
-        found = [{name: value for name, value in link.about.items() if name != "say"} for link in self._links.values()]
+        found = [{**link.about, "run": run} for run, link in self._links.items()]
         found.sort(key=lambda about: float(about.get("began", 0.0)), reverse=True)
-        troubles = [{"run": run, "trouble": why} for run, (why, _) in self._troubles.items()]
-        return [*found, *troubles, *({"run": UNKNOWN, "trouble": why} for why in self._doubts)]
+        told: dict[str, Mapping[str, object]] = {
+            str(each["run"]): {name: value for name, value in each.items() if name != "say"} for each in found
+        }
+        for run, why, _ in self._troubles.values():
+            name = free_name(run, told)
+            told[name] = {"run": name, "trouble": why}
+        return [*told.values(), *({"run": UNKNOWN, "trouble": why} for why in self._doubts)]
 
     async def look(self) -> None:
         """Look for runs that have come. Those who ask while another look goes on share the next one."""
@@ -90,25 +97,27 @@ class Hub:
             before = self._troubles, self._doubts, [*self._links]
             new = [each for each in found.found if not each.is_command and not _is_linked(each, self._links)]
             why = await asyncio.gather(*(self._open(each) for each in new))
-            self._troubles = {each.run: trouble for each, trouble in zip(new, why, strict=True) if trouble[0]}
+            troubles = zip(new, why, strict=True)
+            self._troubles = {each.key: (each.run, *trouble) for each, trouble in troubles if trouble[0]}
             self._doubts = [each.words for each in found.doubts]
             if before != (self._troubles, self._doubts, [*self._links]):
                 self._changed()
 
     async def _open(self, found: Found) -> tuple[str, float]:
         """Connect to a run; return why that was not possible, empty where it was, and when it was tried."""
-        why, tried = self._troubles.get(found.run, ("", -inf))
+        _, why, tried = self._troubles.get(found.key, ("", "", -inf))
         if self._clock.now() - tried < RETRY_INTERVAL:
             return why, tried
         why, is_gone, now = "it has no socket", True, self._clock.now()
         for where in found.addresses:
             try:
-                link = await Link.open(where, self._heard)
+                link = await Link.open(where)
             except (OSError, ValueError) as error:
                 why = "it does not answer" if isinstance(error, TimeoutError) else str(error)
                 is_gone = is_gone and isinstance(error, GONE)
             else:
-                run = found.run if found.run not in self._links else f"{found.run}@{where}"[:64]
+                link.on_line = partial(self._heard, link)
+                run = free_name(found.run, self._links)
                 self._links[run] = link
                 self._begin(self._attend(run, link))
                 return "", now
@@ -125,18 +134,21 @@ class Hub:
         if run in self._links:
             return await self._stop_these({run: self._links[run]}, by, press)
         with self._spare.lent():
-            links = {} if run else dict(self._links)
-            stopping = asyncio.ensure_future(self._stop_these(links, by, press))
+            links = dict(self._links)
+            stopping = asyncio.ensure_future(self._stop_these({} if run else links, by, press))
             found = await self._searched()
             # A connection that was made since is not among those that are asked.
-            others = [each for each in found.found if not _is_linked(each, links) and (not run or each.run == run)]
+            others = [each for each in found.found if not _is_linked(each, links)]
+            others = [each for each in others if not run or _is_called(each, run)]
             if run and not others:
                 await self.look()
                 self.known(run)
-            told = await self._ask_these(others, by)
-            told |= await stopping
-            if lost := [name for name, link in links.items() if "trouble" in told[name] and link.closed.is_set()]:
-                told |= await self._ask_lost(lost, links, by)
+            asked = await self._ask_these(others, by)
+            told = await stopping
+            if lost := {name: links[name] for name in told if "trouble" in told[name] and links[name].closed.is_set()}:
+                told |= await self._ask_lost(lost, by)
+            for each, result in asked:
+                told[free_name(run or each.run, told)] = result
         if found.doubts and not run:
             told[UNKNOWN] = {"trouble": "\n".join(each.words for each in found.doubts)}
         return told
@@ -151,13 +163,18 @@ class Hub:
         self._next_search = None
         return await asyncio.to_thread(search)
 
-    async def _ask_lost(self, lost: list[str], links: Mapping[str, Link], by: str) -> dict[str, Mapping[str, object]]:
+    async def _ask_lost(self, lost: Mapping[str, Link], by: str) -> dict[str, Mapping[str, object]]:
         """Ask runs again whose connection has ended while they were stopped; those that have ended are at rest."""
         found = await self._searched()
-        known = {links[run].identity for run in lost}
-        told = await self._ask_these([each for each in found.found if each.identity in known], by)
-        ended = {run: {"ended": f"{run}: has ended"} for run in lost if run not in told and not found.doubts}
-        return {**told, **{run: each for run, each in ended.items() if has_ended(links[run])}}
+        asked = await self._ask_these([each for each in found.found if _is_linked(each, lost)], by)
+        told = dict[str, Mapping[str, object]]()
+        for run, link in lost.items():
+            results = [result for each, result in asked if _is_linked(each, {run: link})]
+            if results:
+                told[run] = next((each for each in results if "trouble" in each), results[0])
+            elif not found.doubts and link.has_ended():
+                told[run] = {"ended": f"{run}: has ended"}
+        return told
 
     async def _stop_these(self, links: Mapping[str, Link], by: str, press: str) -> dict[str, Mapping[str, object]]:
         told = await asyncio.gather(*(self._stop(link, by, press) for link in links.values()))
@@ -181,13 +198,13 @@ class Hub:
             del self._following[link]
             told: Mapping[str, object] = {}
             for press in dict.fromkeys(presses):
-                told = await _stop(link, by, press)
+                told = await link.stop(by, press)
                 if "trouble" in told:
                     break
             return told
 
-    async def _ask_these(self, others: Sequence[Found], by: str) -> dict[str, Mapping[str, object]]:
-        """Stop what there is no connection to, each once, however many ask for it; return what came of each."""
+    async def _ask_these(self, others: Sequence[Found], by: str) -> list[tuple[Found, Mapping[str, object]]]:
+        """Stop the runs and commands without a connection, each once for all callers; return the result of each."""
         asking = {}
         for each in others:
             if (key := each.key) not in self._asking:
@@ -197,8 +214,7 @@ class Hub:
             asking[each] = self._asking[key]
         if asking:
             await asyncio.wait(asking.values(), timeout=ENDING)
-        told = {each.run: _came_of(each, task) for each, task in asking.items()}
-        return {run: result for run, result in told.items() if result}
+        return [(each, result) for each, task in asking.items() if (result := _came_of(each, task))]
 
     def _asked(self, key: object, _: asyncio.Future[Mapping[str, object]]) -> None:
         del self._asking[key]
@@ -222,7 +238,12 @@ class Hub:
     def watching(self, run: str) -> Watching:
         """Return what is watched of a run. Raises BadMessage for one that is not there."""
         self.known(run)
-        return self._watched.setdefault(run, Watching(run))
+        return self._watched.setdefault(run, Watching(run, self._links[run].again))
+
+    async def connect(self, run: str, on_line: OnLine) -> Link:
+        """Return another connection to a run. Raises OSError, ValueError; BadMessage for one that is not there."""
+        self.known(run)
+        return await self._links[run].again(on_line)
 
     async def _look_on(self) -> None:
         while True:
@@ -233,13 +254,11 @@ class Hub:
                 self._changed()
             await asyncio.sleep(PERIOD)
 
-    async def _heard(self, line: bytes) -> None:
+    async def _heard(self, link: Link, line: bytes) -> None:
         """A run tells of itself: it was stopped, or released."""
         if line.startswith(b'{"say":"run"'):
-            about = json.loads(line)
-            if about["run"] in self._links:
-                self._links[about["run"]].about = about
-                self._changed()
+            link.about = json.loads(line)
+            self._changed()
 
     async def _attend(self, run: str, link: Link) -> None:
         await link.closed.wait()
@@ -254,47 +273,25 @@ class Hub:
         task.add_done_callback(self._tasks.discard)
 
 
+def free_name(run: str, taken: Container[str]) -> str:
+    """Return the name of a run, with "@" and a number where another run has the name: two containers may share it."""
+    names = (f"{run}{more}" for more in chain([""], (f"@{number}" for number in count(2))))
+    return next(name for name in names if name not in taken)
+
+
+def _is_called(found: Found, run: str) -> bool:
+    """Return whether a run has this name, without the number of ``free_name``."""
+    return found.run == run.partition("@")[0]
+
+
 def _is_linked(found: Found, links: Mapping[str, Link]) -> bool:
     """Return whether one of the connections is to a run."""
-    return any(
-        found.run == run.partition("@")[0]
-        and (link.where in found.addresses or (found.identity is not None and link.identity == found.identity))
-        for run, link in links.items()
-    )
+    return any(_is_called(found, run) and link.is_to(found) for run, link in links.items())
 
 
 def _came_of(found: Found, task: asyncio.Future[Mapping[str, object]]) -> Mapping[str, object]:
-    """Return what is told of what was stopped without a connection; nothing where it had gone."""
+    """Return the result of a stop without a connection; nothing if the process had ended before."""
     if not task.done():
-        more = f"SIGTERM was sent, and it has not ended yet; `kill -9 {found.run.partition('-')[0]}` ends it"
-        return {"trouble": f"{found.words}: {more if found.is_command else 'it has not answered yet'}"}
+        return {"trouble": f"{found.words}: it has not {'ended' if found.is_command else 'answered'} yet"}
     error = task.exception()
     return task.result() if error is None else {"trouble": f"{found.words}: {type(error).__name__}: {error}"}
-
-
-async def _stop(link: Link, by: str, press: str) -> Mapping[str, object]:
-    """Stop one run; where it does not answer, end it by a signal."""
-    for _ in range(STOP_TRIES):
-        try:
-            answer = await link.ask({"do": "stop", "by": by, "press": press})
-        except TimeoutError:
-            try:
-                link.terminate()
-            except OSError as error:
-                return {"trouble": f"it does not answer, and SIGTERM could not be sent: {error}"}
-            return {"trouble": "it does not answer: SIGTERM was sent, which ends it"}
-        except ConnectionError as error:
-            return {"trouble": str(error)}
-        result: Mapping[str, object] = answer.get("result") or {"trouble": str(answer.get("message", ""))}
-        if not result.get("missing"):
-            return result
-    missing = ", ".join(map(str, result["missing"])) if isinstance(result["missing"], list) else ""
-    return {**result, "trouble": f"perhaps not stopped: {missing}"}
-
-
-def has_ended(link: Link) -> bool:
-    """Return whether the process at the other end has ended, as far as that is known."""
-    try:
-        return link.identity is not None and not link.identity.lives()
-    except OSError:
-        return False

@@ -9,8 +9,9 @@ from typing import Any, Self
 
 from missions.studio import sockets
 from missions.studio.processes import ProcessIdentity, identity_of
-from missions.studio.searching import addresses_of
+from missions.studio.searching import Found, addresses_of
 from missions.studio.sockets import LARGEST, PATIENCE
+from missions.studio.stopping import STOP_TRIES
 
 OnLine = Callable[[bytes], Awaitable[None]]
 """Gets each line of a run; while it waits, the run keeps the rest, and makes one of it."""
@@ -38,7 +39,7 @@ class Link:
         on_line: OnLine,
         on_closed: Callable[[], None],
     ) -> None:
-        self._reader, self._writer, self._on_line, self._on_closed = reader, writer, on_line, on_closed
+        self._reader, self._writer, self.on_line, self._on_closed = reader, writer, on_line, on_closed
         self.about: Mapping[str, Any] = {}
         self.process, self.uid = sockets.peer_of(writer.get_extra_info("socket"))
         self.where: sockets.Address = ""
@@ -68,16 +69,34 @@ class Link:
         link._task = asyncio.create_task(link._read())
         return link
 
-    @classmethod
-    async def to(cls, run: str, on_line: OnLine = ignore, on_closed: Callable[[], None] = nothing) -> Self:
-        """Connect to a run, wherever it may answer. Raises OSError."""
+    async def again(self, on_line: OnLine = ignore, on_closed: Callable[[], None] = nothing) -> "Link":
+        """Return another connection to the same run, also at an address that it has since. Raises OSError, ValueError.
+
+        A run of the same name, in another container, is refused.
+        """
+        run = str(self.about.get("run", ""))
         error: OSError = ConnectionRefusedError(f"run {run} has no control socket")
-        for where in await asyncio.to_thread(addresses_of, run):
+        for where in dict.fromkeys([self.where, *await asyncio.to_thread(addresses_of, run)]):
             try:
-                return await cls.open(where, on_line, on_closed)
+                link = await Link.open(where, on_line, on_closed)
             except OSError as found:
                 error = found
+                continue
+            if link.run_identity == self.run_identity:
+                return link
+            await link.close()
         raise error
+
+    @property
+    def run_identity(self) -> tuple[object, ...]:
+        """What tells this run from others of its name."""
+        members = "run", "pid", "began", "mission", "robot", "simulated"
+        return self.identity, *(self.about.get(name) for name in members)
+
+    def is_to(self, found: Found) -> bool:
+        """Return whether this is a connection to what a search has found, also from outside of its container."""
+        is_known = self.identity is not None and self.identity in (found.identity, found.visible)
+        return is_known or self.where in found.addresses
 
     def send(self, command: Mapping[str, object]) -> None:
         """Send a command; its answer comes as a line."""
@@ -99,6 +118,32 @@ class Link:
     def unread(self) -> int:
         """How many bytes wait for the run to read them."""
         return self._writer.transport.get_write_buffer_size()
+
+    async def stop(self, by: str, press: str) -> Mapping[str, object]:
+        """Stop the run; end it by a signal if it does not answer. Return its result, with `trouble` if in doubt."""
+        for _ in range(STOP_TRIES):
+            try:
+                answer = await self.ask({"do": "stop", "by": by, "press": press})
+            except TimeoutError:
+                try:
+                    self.terminate()
+                except OSError as error:
+                    return {"trouble": f"it does not answer, and SIGTERM could not be sent: {error}"}
+                return {"trouble": "it does not answer: SIGTERM was sent, which ends it"}
+            except ConnectionError as error:
+                return {"trouble": str(error)}
+            result: Mapping[str, object] = answer.get("result") or {"trouble": str(answer.get("message", ""))}
+            if not result.get("missing"):
+                return result
+        missing = ", ".join(map(str, result["missing"])) if isinstance(result["missing"], list) else ""
+        return {**result, "trouble": f"perhaps not stopped: {missing}"}
+
+    def has_ended(self) -> bool:
+        """Return whether the process at the other end has ended, as far as that is known."""
+        try:
+            return self.identity is not None and not self.identity.lives()
+        except OSError:
+            return False
 
     def terminate(self) -> None:
         """Send the run the signal that its watchdog hears, whatever hangs. Raises OSError where that cannot be."""
@@ -125,11 +170,12 @@ class Link:
                     if future is not None and not future.done():
                         future.set_result(answer)
                 else:
-                    await self._on_line(line)
+                    await self.on_line(line)
         except (OSError, ValueError):
             pass
         finally:
             self._writer.close()
+            self.on_line = ignore  # a callback that keeps this link would keep it, and its owner, until a collection
             self.closed.set()
             for future in self._asked.values():
                 if not future.done():

@@ -221,14 +221,13 @@ class Session:
         link = self._links.get(run)
         if link is not None and not link.closed.is_set():
             return link
-        self._studio.hub.known(run)
 
         async def answered(line: bytes) -> None:
             if line.startswith(b'{"say":"answer"'):
                 await self._send(line.decode())
 
         try:
-            link = self._links[run] = await Link.to(run, answered)
+            link = self._links[run] = await self._studio.hub.connect(run, answered)
         except (OSError, ValueError) as error:  # a TimeoutError is an OSError
             raise BadMessage("no_answer", f"run {run} does not answer: {error}") from error
         return link

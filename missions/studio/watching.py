@@ -3,18 +3,21 @@
 import asyncio
 import json
 import re
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 
 from drivers.clock import Clock, SystemClock
 from missions.studio.audience import NOTHING, Waiting
 from missions.studio.commands import Watch
 from missions.studio.form import BadMessage
-from missions.studio.link import Link
+from missions.studio.link import Link, OnLine
 from missions.studio.messages import Over, as_json, line_of
 
 PICTURE = re.compile(rb'\{"say":"picture","run":"[^"]*","t":(-?[\d.e+-]+)')
 """How a picture begins, which has its time in it: the rest is passed on as it is."""
+
+Connect = Callable[[OnLine, Callable[[], None]], Awaitable[Link]]
+"""Connects to a run; takes a callback for its lines, and one for its end. Raises OSError, ValueError."""
 
 SCENE_TIME = 10.0
 """Seconds that a run has to tell all that is so."""
@@ -53,8 +56,8 @@ class Hearer(Waiting):
 class Watching:
     """What clients of the studio watch of a ``run``, over one connection, which is there while somebody watches."""
 
-    def __init__(self, run: str, clock: Clock | None = None) -> None:
-        self.run, self._clock = run, clock or SystemClock()
+    def __init__(self, run: str, connect: Connect, clock: Clock | None = None) -> None:
+        self.run, self._connect, self._clock = run, connect, clock or SystemClock()
         self._link: Link | None = None
         self._hearers: list[Hearer] = []
         self._asking = asyncio.Lock()
@@ -75,10 +78,10 @@ class Watching:
             self._next = hearer, command
             try:
                 if self._link is None:
-                    self._link = await Link.to(self.run, self._hear, self._closed)
+                    self._link = await self._connect(self._hear, self._closed)
                     self._over = False
                 await self._ask(self._link, [*(each.watch for each in self._hearers if each is not hearer), command])
-            except OSError as error:  # a TimeoutError is one, and a ConnectionError
+            except (OSError, ValueError) as error:  # a TimeoutError is an OSError, and a ConnectionError
                 raise BadMessage("no_answer", f"run {self.run} does not answer: {error}") from error
             finally:
                 self._next = None
@@ -134,7 +137,8 @@ class Watching:
         return wants
 
     async def _hear(self, line: bytes) -> None:
-        """Pass on what the run tells, to those whom it concerns."""
+        """Pass on each line of the run to the clients that it concerns."""
+        line = self._renamed(line)
         if found := PICTURE.match(line):
             self._picture = float(found[1]), line
             if not [each for each in self._hearers if self._offer(each, *self._picture)]:
@@ -155,6 +159,13 @@ class Watching:
             hearer.begin(command, line)
         elif line.startswith(b'{"say":"over"'):
             self._end(line)
+
+    def _renamed(self, line: bytes) -> bytes:
+        """Return a line with the studio's name of the run, which is not its own where two runs have the same."""
+        own = "" if self._link is None else str(self._link.about.get("run", self.run))
+        if own in ("", self.run):
+            return line
+        return line.replace(b'"run":' + as_json(own), b'"run":' + as_json(self.run), 1)
 
     def _end(self, line: bytes) -> None:
         self._over = True

@@ -18,10 +18,12 @@ import pytest
 from missions.cli.root import mission
 from missions.studio import abstract, hub, places, sockets, stopping
 from missions.studio.abstract import AbstractName
+from missions.studio.commands import Watch
 from missions.studio.hub import UNKNOWN, Hub
 from missions.studio.notes import Notes
 from missions.studio.processes import identity_of
 from missions.studio.searching import Search, search
+from missions.studio.watching import Hearer
 from tests.missions.command import PATIENCE, command
 from tests.waiting import wait_until
 
@@ -194,12 +196,15 @@ def test_a_pipe_in_the_place_of_a_note_is_not_waited_for(capsys: pytest.CaptureF
 
 
 class Answering:
-    """A control socket that answers each line by ``answer``, or not at all for None."""
+    """A control socket that answers each line by ``answer``, or not at all for None. Its file is in ``folder``."""
 
-    def __init__(self, answer: Callable[[Mapping[str, object]], Mapping[str, object] | None]) -> None:
+    def __init__(
+        self, answer: Callable[[Mapping[str, object]], Mapping[str, object] | None], folder: Path | None = None
+    ) -> None:
         self.asked: list[Mapping[str, object]] = []
         self._answer = answer
-        self._listening = sockets.listen(sockets.path_of("1"))
+        self.path = (sockets.socket_folder() if folder is None else folder) / "1.sock"
+        self._listening = sockets.listen(self.path)
         self._ends: list[socket.socket] = []
         self._threads = [Thread(target=self._serve)]
         self._threads[0].start()
@@ -216,7 +221,7 @@ class Answering:
             thread.join()
         for end in (self._listening, *self._ends):
             end.close()
-        sockets.path_of("1").unlink(missing_ok=True)
+        self.path.unlink(missing_ok=True)
 
     def _serve(self) -> None:
         while True:
@@ -230,12 +235,80 @@ class Answering:
 
     def _talk(self, connection: socket.socket) -> None:
         with suppress(OSError), connection.makefile("rb") as lines:
-            connection.sendall(b'{"say":"run","run":"1","mission":"driving","robot":"r","simulated":""}\n')
+            about = {"say": "run", "run": "1", "mission": "driving", "robot": "r", "simulated": "", "began": id(self)}
+            connection.sendall(json.dumps(about, separators=(",", ":")).encode() + b"\n")
             for line in lines:
                 self.asked.append(command := json.loads(line))
+                if command["do"] == "watch":
+                    connection.sendall(b'{"say":"scene","run":"1","state":{"stops":1}}\n')
                 if (told := self._answer(command)) is not None:
                     answer = {"say": "answer", "id": command.get("id"), "ok": True, **told}
                     connection.sendall(json.dumps(answer, separators=(",", ":")).encode() + b"\n")
+
+
+@contextmanager
+def namesakes() -> Iterator[tuple[Answering, Answering]]:
+    """Two runs of one name, as of two containers: the base of the second one is not stopped."""
+    first, second = (place.prepare() for place in places.places()[:2])
+    with (
+        Answering(lambda _: {"result": {"parts": ["head"], "stops": 1}}, first) as one,
+        Answering(lambda _: {"result": {"parts": ["head"], "missing": ["base"], "stops": 1}}, second) as other,
+    ):
+        yield one, other
+
+
+@pytest.mark.parametrize("linked", [False, True], ids=["searched", "linked"])
+def test_a_doubt_about_one_of_two_runs_of_one_name_is_kept(linked: bool) -> None:
+    async def stop() -> list[Mapping[str, object]]:
+        one = Hub(lambda: None)
+        if linked:
+            await one.look()
+            assert {str(each["run"]) for each in one.runs()} == {"1", "1@2"}
+        told = await one.stop("", "a test")
+        await asyncio.gather(*(link.close() for link in one._links.values()))
+        return [dict(each) for each in told.values() if isinstance(each, Mapping)]
+
+    with namesakes() as both:
+        told = asyncio.run(stop())
+        assert all(len(each.asked) > 0 for each in both)
+    assert sorted("perhaps not stopped: base" in str(each.get("trouble", "")) for each in told) == [False, True]
+
+
+def test_two_runs_of_one_name_that_are_not_reached_are_both_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hub, "may_live", lambda _: True)
+    for place in places.places()[:2]:
+        with socket.socket(socket.AF_UNIX) as left:
+            left.bind(str(place.prepare() / "1.sock"))
+
+    async def look() -> list[Mapping[str, object]]:
+        one = Hub(lambda: None)
+        await one.look()
+        return one.runs()
+
+    found = asyncio.run(look())
+    for place in places.places()[:2]:
+        (place.folder / "1.sock").unlink(missing_ok=True)
+    assert [each["run"] for each in found] == ["1", "1@2"]
+
+
+def test_commands_and_watching_reach_the_one_of_two_runs_of_one_name_that_is_shown() -> None:
+    async def work() -> None:
+        one = Hub(lambda: None)
+        await one.look()
+        for name in ("1", "1@2"):
+            link = await one.connect(name, lambda line: asyncio.sleep(0))  # noqa: ARG005 - as of a callback
+            assert link.where == one._links[name].where
+            await link.ask({"do": "pause"})
+            await link.close()
+            hearer = Hearer(one.watching(name))
+            await one.watching(name).watch(hearer, Watch(run=name))
+            assert json.loads(hearer.next() or b"{}")["run"] == name
+            await one.watching(name).close()
+        await asyncio.gather(*(link.close() for link in one._links.values()))
+
+    with namesakes() as both:
+        asyncio.run(work())
+        assert [[told["do"] for told in each.asked] for each in both] == [["pause", "watch"]] * 2
 
 
 def test_a_part_that_has_not_heard_the_stop_is_told(capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 from drivers.clock import ManualClock
 from missions.studio import sockets
 from missions.studio.commands import Watch
+from missions.studio.link import Link
 from missions.studio.watching import Hearer, Watching
 
 PATIENCE = 60.0
@@ -87,7 +88,7 @@ def watched(work: Callable[[ToldRun, Watching, ManualClock], Awaitable[None]]) -
         async def whole() -> None:
             run, clock = ToldRun(), ManualClock()
             async with run.served():
-                watching = Watching(RUN, clock)
+                watching = Watching(RUN, partial(Link.open, sockets.path_of(RUN)), clock)
                 await work(run, watching, clock)
                 await watching.close()
                 await until(lambda: run.gone == len(run.watchers))
