@@ -30,6 +30,24 @@ UNHEARD: Mapping[str, tuple[int, str]] = MappingProxyType(
 """Registers that may not go below a value, and why: afterwards nobody here could tell what the servo holds."""
 
 
+FORCE = frozenset(
+    {
+        *("torque_enable", "max_torque", "torque_limit", "goal_torque", "pwm_limit", "goal_pwm", "current_limit"),
+        *("goal_current", "punch", "position_p_gain", "position_i_gain", "velocity_p_gain", "velocity_i_gain"),
+        *("protection_current", "protective_torque", "overload_torque"),
+    }
+)
+"""Registers with which a servo holds its joint: with a lower size, or the other sign, it holds with less force."""
+
+SOFTNESS = frozenset(
+    {
+        *("cw_compliance_margin", "ccw_compliance_margin", "cw_compliance_slope", "ccw_compliance_slope"),
+        *("cw_dead_zone", "ccw_dead_zone", "torque_mode"),
+    }
+)
+"""Registers with which a joint yields: with a higher value it is held with less force, or with none at its place."""
+
+
 @dataclass(frozen=True, slots=True)
 class Change:
     """A register that holds ``before`` and is to hold ``after``."""
@@ -37,6 +55,14 @@ class Change:
     register: Register
     before: int
     after: int
+
+    @property
+    def weakens(self) -> bool:
+        """Whether the servo holds its joint with less force afterwards."""
+        if self.register.name in SOFTNESS:
+            return self.after > self.before
+        lower = abs(self.after) < abs(self.before) or self.after * self.before < 0
+        return self.register.name in FORCE and lower
 
 
 def planned(bus: Bus, at: At, table: Table, wanted: Mapping[str, int]) -> list[Change]:

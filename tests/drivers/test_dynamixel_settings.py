@@ -4,7 +4,7 @@ import pytest
 
 from drivers.dynamixel.bus import At, Bus
 from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.settings import Change, apply, planned
+from drivers.dynamixel.settings import FORCE, SOFTNESS, Change, apply, planned
 from drivers.dynamixel.wire import Instruction
 from drivers.errors import BadRequest, DeviceFault, NoReply, NotConnected
 from drivers.virtual.dynamixel import VirtualServoBus
@@ -167,6 +167,54 @@ def test_an_id_that_was_taken_after_the_plan_is_refused(name: str) -> None:
     with pytest.raises(BadRequest, match=r"servo 1 cannot become 9"):
         apply(bench.bus, bench.at, bench.model.table, changes)
     assert [bench.servo.get(name) for name in ("id", "return_delay", "torque_enable")] == [1, 250, 1]
+
+
+NO_FORCE = frozenset(
+    {
+        *("led", "lock", "registered", "status_return_level", "bus_watchdog", "moving_threshold", "goal_position"),
+        *("goal_speed", "goal_time", "goal_velocity", "goal_acceleration", "moving_speed", "profile_velocity"),
+        *("profile_acceleration", "fastest_speed", "fastest_acceleration", "acceleration_multiplier"),
+        *("position_d_gain", "feedforward_1st_gain", "feedforward_2nd_gain"),  # nothing at a joint that stands
+    }
+)
+"""Registers in RAM that do not change how a servo holds a joint that stands."""
+
+
+def test_each_register_in_ram_is_known_to_change_the_force_or_not() -> None:
+    found = {
+        row.name
+        for model in MODELS.values()
+        for row in model.table.registers.values()
+        if row.writable and not row.eeprom
+    }
+    assert found <= FORCE | SOFTNESS | NO_FORCE
+    assert not (FORCE | SOFTNESS) & NO_FORCE
+    for model in MODELS.values():
+        assert {model.table.torque_limit, model.table.torque_ceiling} <= FORCE
+    names = {row.name for model in MODELS.values() for row in model.table.registers.values()}
+    assert names >= FORCE | SOFTNESS
+
+
+@pytest.mark.parametrize(
+    ("name", "before", "after", "weakens"),
+    [
+        ("torque_enable", 1, 0, True),
+        ("torque_limit", 1023, 100, True),
+        ("torque_limit", 100, 1023, False),
+        ("cw_compliance_slope", 32, 128, True),
+        ("cw_compliance_margin", 9, 1, False),
+        ("goal_pwm", -885, -100, True),
+        ("goal_pwm", 100, -885, True),
+        ("goal_current", -100, -1193, False),
+        ("torque_mode", 0, 1, True),
+        ("led", 1, 0, False),
+    ],
+)
+def test_a_change_says_whether_the_servo_holds_with_less_force(
+    name: str, before: int, after: int, weakens: bool
+) -> None:
+    registers = {row.name: row for model in MODELS.values() for row in model.table.registers.values()}
+    assert Change(registers[name], before, after).weakens is weakens
 
 
 def test_keeping_its_own_id_is_no_collision(bench: Bench) -> None:

@@ -120,6 +120,48 @@ def test_without_a_terminal_stiff_joints_stay_stiff_but_for_yes(robot: Three, ru
     assert robot.elbow.limp is ("record" not in line)  # which ends with at_end: hold
 
 
+WEAKER = [
+    *("torque_limit 0", "torque_limit 500", "punch 0", "cw_compliance_slope 254", "ccw_compliance_margin 255"),
+    *("goal_pwm 0", "position_p_gain 0"),
+]
+
+
+def weakened(robot: Three, wish: str) -> tuple[str, VirtualServo]:
+    """Return the command for a wish, and the stiff servo that it is for."""
+    joint = "wrist" if wish.startswith(("goal_pwm", "position_p_gain")) else "elbow"
+    robot.wrist.set("torque_enable", 1)
+    return f"servo set {joint} {wish} --robot three.yaml", getattr(robot, joint)
+
+
+@pytest.mark.parametrize("wish", WEAKER)
+def test_a_stiff_joint_gets_less_force_after_enter(robot: Three, run: Run, person: Person, wish: str) -> None:
+    line, servo = weakened(robot, wish)
+    name, value = wish.split()
+    before = servo.get(name)
+    person.look = lambda: servo.get(name) == before
+    outcome = run(line)
+    assert "will hold with less force: hold the arm" in outcome.err
+    assert (outcome.code, person.seen, servo.get(name)) == (0, [True] * 4, int(value)), outcome.err
+
+
+@pytest.mark.parametrize("wish", WEAKER)
+def test_without_a_terminal_a_stiff_joint_keeps_its_force_but_for_yes(robot: Three, run: Run, wish: str) -> None:
+    line, servo = weakened(robot, wish)
+    name, value = wish.split()
+    before = servo.get(name)
+    outcome = run(line)
+    assert (outcome.code, "--yes" in outcome.err, servo.get(name)) == (2, True, before), outcome.err
+    assert run(f"{line} --yes").code == 0
+    assert servo.get(name) == int(value)
+
+
+def test_nobody_is_asked_about_a_joint_that_is_limp_or_gets_more_force(robot: Three, run: Run) -> None:
+    robot.elbow.set("torque_limit", 100)
+    assert run("servo set elbow torque_limit 1023 --robot three.yaml").code == 0
+    assert run("servo set waist torque_limit 100 --robot three.yaml").code == 0
+    assert (robot.elbow.get("torque_limit"), robot.waist.get("torque_limit")) == (1023, 100)
+
+
 def test_a_restart_waits_for_enter(robot: Three, run: Run, person: Person) -> None:
     robot.wrist.set("torque_enable", 1)
     person.look = lambda: not robot.wrist.limp

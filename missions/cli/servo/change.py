@@ -17,13 +17,15 @@ from missions.cli.root import SUCCESS
 from missions.cli.servo.bench import Bench, opened_bus
 from missions.cli.servo.info import meaning
 from missions.cli.servo.target import Target, target_options
-from missions.cli.servo.until import confirm_limp
+from missions.cli.servo.until import confirm_limp, confirm_weak
 
 LEVEL, ANSWERS_ALL = "status_return_level", 2
 """The register that says what a servo answers, and its value for everything."""
 
 yes_option = click.option(
-    "--yes", is_flag=True, help="Do not ask before the EEPROM is written, or torque goes off: somebody holds the arm."
+    "--yes",
+    is_flag=True,
+    help="Do not ask before the EEPROM is written, or a servo holds with less force: somebody holds the arm.",
 )
 
 
@@ -41,7 +43,8 @@ def set_register(target: Target, servo: str, register: str, value: int, yes: boo
     """Set a register by its name.
 
     `mission servo info` lists them. Nothing is written where it holds the value already. What is kept through a power
-    cut (EEPROM) is written with the torque off, and the servo is limp afterwards.
+    cut (EEPROM) is written with the torque off, and the servo is limp afterwards. Before a stiff servo is given less
+    force (such as torque_limit, goal_pwm, position_p_gain), you are asked to hold the arm.
     """
     with opened_bus(target) as bench:
         if register == LEVEL and value == ANSWERS_ALL:
@@ -113,7 +116,7 @@ def _require_one_ping(bench: Bench, at: At) -> None:
 
 
 def _set(bench: Bench, wanted: Mapping[At, tuple[Model, Mapping[str, int]]], *, yes: bool) -> int:
-    """Say what is to be changed, ask before the EEPROM is written or torque goes off, change it, and say so."""
+    """Say what is to be changed, ask before the EEPROM is written or force is taken away, change it, and say so."""
     plans = {at: planned(bench.bus, at, model.table, values) for at, (model, values) in wanted.items()}
     for at, changes in plans.items():
         model, values = wanted[at]
@@ -132,10 +135,11 @@ def _set(bench: Bench, wanted: Mapping[At, tuple[Model, Mapping[str, int]]], *, 
 
 
 def _confirm(bench: Bench, plans: Mapping[At, Sequence[Change]], models: Mapping[At, Model], *, yes: bool) -> None:
-    """Ask before the EEPROM is written, which takes the torque away, or torque goes off by itself."""
+    """Ask before the EEPROM is written, which takes the torque away, or a servo holds with less force than now."""
     lasting = [at for at, changes in plans.items() if any(change.register.eeprom for change in changes)]
-    relaxed = [at for at, changes in plans.items() if any(_relaxes(change) for change in changes)]
-    limp = [at for at in {*lasting, *relaxed} if bench.bus.read(at, models[at].table["torque_enable"])]
+    weaker = [at for at, changes in plans.items() if any(change.weakens for change in changes)]
+    stiff = [at for at in {*lasting, *weaker} if bench.bus.read(at, models[at].table["torque_enable"])]
+    limp = [at for at in stiff if at in lasting or any(_relaxes(change) for change in plans[at])]
     if lasting and not yes:
         if not sys.stdin.isatty():
             raise click.UsageError("this writes the EEPROM: add --yes, or confirm it at a terminal")
@@ -146,6 +150,8 @@ def _confirm(bench: Bench, plans: Mapping[At, Sequence[Change]], models: Mapping
             )
         click.confirm("write this into the EEPROM?", abort=True, err=True)
     confirm_limp([f"servo {at.id}" for at in sorted(limp)], stiff=True, simulated=bench.simulated, yes=yes)
+    weakened = [f"servo {at.id}" for at in sorted(stiff) if at not in limp]
+    confirm_weak(weakened, simulated=bench.simulated, yes=yes)
 
 
 def _relaxes(change: Change) -> bool:

@@ -1,6 +1,6 @@
 """Waiting for a person at a terminal: until Enter is pressed, or for so many seconds where that was asked.
 
-Before torque goes off the person is asked to hold the arm: ``confirm_limp``.
+Before torque goes off or gets less, the person is asked to hold the arm: ``confirm_limp``, ``confirm_weak``.
 """
 
 import sys
@@ -36,7 +36,18 @@ def confirm_limp(names: Collection[str], *, stiff: bool, simulated: bool, yes: b
     """
     if yes or simulated or not names:
         return
-    told = f"the torque of {', '.join(names)} goes off: hold the arm, it falls"
+    _confirm_held(f"the torque of {', '.join(names)} goes off: hold the arm, it falls", stiff=stiff)
+
+
+def confirm_weak(names: Collection[str], *, simulated: bool, yes: bool) -> None:
+    """As ``confirm_limp``, for stiff joints that are about to hold with less force."""
+    if yes or simulated or not names:
+        return
+    _confirm_held(f"{', '.join(names)} will hold with less force: hold the arm, it may fall", stiff=True)
+
+
+def _confirm_held(told: str, *, stiff: bool) -> None:
+    """Wait for Enter of a person who holds the arm. Raises click.UsageError without a terminal, and click.Abort."""
     if not sys.stdin.isatty():
         if stiff:
             raise click.UsageError(f"{told}; at a terminal Enter confirms that, without one --yes")
