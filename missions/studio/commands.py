@@ -169,7 +169,7 @@ class Give(OfRun):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drive(OfRun):
-    """Drive so for 0.3 s, if one has the wheels, and for 0.5 s after that state at most. Both 0 is standing still."""
+    """Drive for 0.3 s, at most until 0.5 s after the state of its `stamp`, with the wheels. Both 0: stand still."""
 
     word: ClassVar[str] = "drive"
     n: Number

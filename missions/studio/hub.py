@@ -292,6 +292,7 @@ def _is_linked(found: Found, links: Mapping[str, Link]) -> bool:
 def _came_of(found: Found, task: asyncio.Future[Mapping[str, object]]) -> Mapping[str, object]:
     """Return the result of a stop without a connection; nothing if the process had ended before."""
     if not task.done():
-        return {"trouble": f"{found.words}: it has not {'ended' if found.is_command else 'answered'} yet"}
+        why = f"it has not {'ended' if found.is_command else 'answered'} yet"
+        return {"trouble": f"{found.words}: {why}\n  try: {found.way_to_end()}"}
     error = task.exception()
     return task.result() if error is None else {"trouble": f"{found.words}: {type(error).__name__}: {error}"}

@@ -29,7 +29,7 @@ ERRORS: Mapping[str, str] = {
     "not_allowed": "A viewer may not do this.",
     "too_many": "More commands than 100 a second, or too many that are not answered yet.",
     "no_such_run": "There is no such run, or not any more.",
-    "no_answer": "The run does not answer; the signal that ends it was sent where the command was a `stop`.",
+    "no_answer": "The run does not answer. After a `stop`, the answer says whether a signal was sent that ends it.",
     "no_base": "The run has no base to drive, or no head to turn.",
     "no_wheels": "Somebody else drives, or nobody has taken the wheels.",
     "unsupported": "This run cannot have what is to go wrong: only one in simulated time can, with the parts it uses.",

@@ -193,9 +193,10 @@ def read_note(path: Path) -> Holder | None:
             raise OSError(f"{path} cannot be understood ({type(error).__name__})") from error
         _remove(path)
         return None
-    if computer != os.uname().nodename:
-        return None  # in a home that several computers share
     identity = found.identity
+    # A container has another host name, and that of a computer changes. Several computers may share a home.
+    if computer != os.uname().nodename and (identity is None or not identity.is_of_this_boot):
+        return None
     if identity is not None and identity.is_visible:
         locked = identity.lives()
     if locked:

@@ -46,7 +46,9 @@ class Place:
         return self.folder
 
     def names(self) -> list[str]:
-        """Return the names of the files; none where there is no such folder, or another user's, which holds no own run.
+        """Return the names of the files; none if the folder does not exist.
+
+        None either where the folder belongs to another user: none of this user's runs is in it.
 
         Raises OSError where the folder cannot be read.
         """

@@ -29,6 +29,11 @@ class ProcessIdentity:
         """Whether it is a process of this computer, since its start, and has the same number here as there."""
         return (self.boot, self.namespace) == _here()
 
+    @property
+    def is_of_this_boot(self) -> bool:
+        """Whether it is a process of this computer, since its start, perhaps in a container. Raises OSError."""
+        return self.boot == _here()[0]
+
     def lives(self) -> bool:
         """Return whether it has not ended. Raises OSError where that cannot be known."""
         if not self.is_visible:

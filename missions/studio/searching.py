@@ -6,6 +6,7 @@ What cannot be looked at is a `Doubt`: an error while looking is never taken for
 import errno
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import field, replace
 from pathlib import Path
 
@@ -64,8 +65,20 @@ class Found:
 
     @property
     def visible(self) -> ProcessIdentity | None:
-        """The process as it is seen from here, where it may be in a container."""
+        """The process by its number on this side of a container, if that is known."""
         return self.identity if self.by_name is None or self.by_name.here is None else self.by_name.here
+
+    def is_at(self, process: int) -> bool:
+        """Return whether the process at the other end of a connection may be this one: another may have its name."""
+        return self.by_name is None or self.by_name.here is None or self.by_name.here.pid == process
+
+    def way_to_end(self, peer: ProcessIdentity | None = None) -> str:
+        """Return what to type if it does not end. ``peer`` is the process that listens at its socket, if known."""
+        for known in (self.visible, peer):
+            with suppress(OSError):  # its number is not known from here
+                if known is not None and known.is_visible:
+                    return f"if process {known.pid} is there still: kill -9 {known.pid}"
+        return BY_HAND
 
     @property
     def uid(self) -> int:
@@ -203,7 +216,14 @@ def _together(holders: Sequence[Holder], files: Sequence[Path], names: Sequence[
         found[key] = replace(same, addresses=tuple(dict.fromkeys([*same.addresses, *more])), by_name=name)
     noted = {address for each in found.values() for address in each.addresses}
     alone = [Found(sockets.run_of(path), (path,)) for path in dict.fromkeys(files) if path not in noted]
-    return [*found.values(), *alone]
+    return [*(_with_files(each, files) for each in found.values()), *alone]
+
+
+def _with_files(found: Found, files: Sequence[Path]) -> Found:
+    """Return a run that has no address with the socket files of its name: its note may be missing, or be refused."""
+    if found.addresses or found.by_name is None or not found.by_name.is_run:
+        return found
+    return replace(found, addresses=tuple(path for path in files if sockets.run_of(path) == found.run))
 
 
 def doubt_of(what: str, error: OSError) -> Doubt:

@@ -25,7 +25,7 @@ RUN_END_TIME = 7.0
 """Seconds that a run which does not answer has to end after SIGTERM: its lifeline kills it after 5."""
 
 STOP_TRIES = 8
-"""How often a run is asked to stop of which a part has not heard it: a busy machine may be late by 0.2 s."""
+"""Times that a run is asked to stop while one of its parts has not confirmed: a busy machine may be late by 0.2 s."""
 
 GONE = (ConnectionRefusedError, FileNotFoundError)
 """Errors of a connection to a socket of which nobody listens any more, or which has been removed."""
@@ -110,12 +110,9 @@ class Asking:
         except Exception as error:  # whatever it is: what was not asked is not taken for what was stopped
             self._doubt(found, f"{found.words}: {type(error).__name__}: {error}")
 
-    def _doubt(self, found: Found, why: str) -> None:
-        """Note that one has perhaps not been stopped, or has not done what was asked."""
-        process = found.run.partition("-")[0]
-        hint = f"if process {process} is there still: kill -9 {process}"
-        if not self._stops:
-            hint = f"mission stop {found.run}  (which ends it)"
+    def _doubt(self, found: Found, why: str, peer: ProcessIdentity | None = None) -> None:
+        """Note that a run has perhaps not been stopped, or has not done what was asked. ``peer`` listens for it."""
+        hint = found.way_to_end(peer) if self._stops else f"mission stop {found.run}  (which ends it)"
         self.said[found] = False, f"{why}{': perhaps not stopped' * self._stops}\n  try: {hint}"
 
     def _ask_run(self, found: Found) -> None:
@@ -125,8 +122,8 @@ class Asking:
         for address in found.addresses:
             try:
                 with sockets.linked(address) as link:
-                    if isinstance(address, str) and link.uid != found.uid:
-                        continue  # another user has given a socket this name
+                    if not found.is_at(link.process) or (isinstance(address, str) and link.uid != found.uid):
+                        continue  # another run has this name, or another user has given a socket this name
                     peer = peer or identity_of(link.process)
                     self._ask_by(found, link)
                     return
@@ -177,7 +174,7 @@ class Asking:
         parts = ", ".join(result.get("parts", ()))
         if missing := ", ".join(result.get("missing", ())):
             told = f"perhaps not stopped: {missing} (stopped: {parts or 'nothing'})"
-            return False, f"{told}\n  try: mission stop --end {link.process}, or the robot's own switch"
+            return False, f"{told}\n  try: mission stop --end {link.process or found.run}, or the robot's own switch"
         words = {
             "stop": f"stopped ({parts or 'it has nothing that moves'})",
             "halt": "is being ended",
@@ -197,10 +194,10 @@ class Asking:
             if not found.lives(peer) or (is_gone and not _is_there(found, search())):
                 return  # it has ended meanwhile
         except OSError as error:
-            self._doubt(found, f"{found.words}: {why}; {reason_of(error)}")
+            self._doubt(found, f"{found.words}: {why}; {reason_of(error)}", peer)
             return
         if not self._stops or found.is_meant(self.which) is None:
-            self._doubt(found, f"{found.words}: {why}")
+            self._doubt(found, f"{found.words}: {why}", peer)
         else:
             self._terminate(found, peer, why)
 
@@ -214,9 +211,10 @@ class Asking:
                 self.answered.add(found.run)
                 return
         except OSError as error:
-            self._doubt(found, f"{found.words}: {why}; no SIGTERM could be sent: {reason_of(error)}")
+            self._doubt(found, f"{found.words}: {why}; no SIGTERM could be sent: {reason_of(error)}", peer)
             return
-        self._doubt(found, f"{found.words}: {why}; SIGTERM was sent, and has not ended it within {RUN_END_TIME:g} s")
+        why = f"{why}; SIGTERM was sent, and has not ended it within {RUN_END_TIME:g} s"
+        self._doubt(found, f"{found.words}: {why}", peer)
 
     def _end(self, found: Found) -> None:
         """End a command that holds a robot, and note what came of it."""
@@ -262,7 +260,8 @@ def _words_of(link: RunLink) -> str:
     """Return what a run tells that it is."""
     told = link.told
     mission, robot, simulated = (str(told.get(name, "")) for name in ("mission", "robot", "simulated"))
-    return Holder(link.process, mission, robot, simulated, run=str(told.get("run", ""))).words
+    process = link.process or told.get("pid", 0)  # the kernel does not tell the number of one in another container
+    return Holder(process, mission, robot, simulated, run=str(told.get("run", ""))).words
 
 
 def _last_stop(link: RunLink) -> int:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from threading import Thread
 from typing import Self
@@ -22,9 +23,10 @@ from missions.studio.commands import Watch
 from missions.studio.hub import UNKNOWN, Hub
 from missions.studio.notes import Notes
 from missions.studio.processes import identity_of
-from missions.studio.searching import Search, search
+from missions.studio.searching import BY_HAND, Found, Search, search
 from missions.studio.watching import Hearer
 from tests.missions.command import PATIENCE, command
+from tests.missions.studio.running import simulated_run
 from tests.waiting import wait_until
 
 ERRORS = (errno.EACCES, errno.EMFILE, errno.ENFILE, errno.EIO, errno.ESTALE, errno.ELOOP)
@@ -151,6 +153,7 @@ def test_a_note_of_another_computer_that_shares_the_home_is_left_alone(capsys: p
     with noted_run() as run:
         about = json.loads(note_of(run.pid).read_text(encoding="utf-8"))
     about["computer"] = "another"
+    about["process"][2] = "the boot of another computer"
     note_of(run.pid).write_text(json.dumps(about) + "\n", encoding="utf-8")
     assert command(capsys, "stop").out == "no mission runs\n"
     assert note_of(run.pid).exists()
@@ -190,6 +193,75 @@ def test_a_pipe_in_the_place_of_a_note_is_not_waited_for(capsys: pytest.CaptureF
     told = command(capsys, "stop")
     note_of(1).unlink()
     assert (told.code, "is not a regular file" in told.out) == (1, True)
+
+
+def in_another_container(patch: pytest.MonkeyPatch) -> None:
+    """See runs as from outside of their container, with the same home: other host name, other network namespace."""
+    system, _, *others = os.uname()
+    patch.setattr(os, "uname", lambda: os.uname_result((system, "outside", *others)))
+    patch.setattr(abstract, "names", list)
+
+
+def refuse_notes(patch: pytest.MonkeyPatch) -> None:
+    """See runs as from outside of a container that has a number of its own for the boot: their notes do not count."""
+    in_another_container(patch)
+    patch.setattr("missions.studio.searching.read_note", lambda _: None)
+
+
+@pytest.mark.parametrize("see", [in_another_container, refuse_notes])
+def test_a_healthy_run_in_a_container_that_shares_the_home_is_latched_and_not_ended(
+    see: Callable[[pytest.MonkeyPatch], None],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    async def stop() -> Mapping[str, object]:
+        one = Hub(lambda: None)
+        await one.look()
+        told = await one.stop("", "a test")
+        await asyncio.gather(*(link.close() for link in one._links.values()))
+        return told
+
+    with simulated_run(tmp_path) as run:
+        see(monkeypatch)
+        stopped = command(capsys, "stop")
+        assert (stopped.code, stopped.out.count("\n"), "stopped (" in stopped.out) == (0, 1, True)
+        assert list(asyncio.run(stop())) == [str(run.process.pid)]
+        assert run.process.poll() is None
+        assert "SIGTERM" not in stopped.out
+
+
+def test_the_file_of_another_run_of_its_name_is_not_taken_for_that_of_a_run_without_an_address(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with sleeper() as process, Answering(lambda _: {"result": {"parts": ["base"], "stops": 1}}) as namesake:
+        here = identity_of(process.pid)
+        assert here is not None
+        name = AbstractName(os.geteuid(), "1", replace(here, pid=1, namespace=1), "run", here=here)
+        monkeypatch.setattr(abstract, "held", lambda: [name])
+        said = stopping.ask_all([{"do": "stop"}], "a test")
+        assert process.wait(PATIENCE) == -15
+    assert [told["do"] for told in namesake.asked] == ["stop"]
+    assert len(said) == 2
+
+
+def test_what_to_type_names_the_process_by_its_number_on_this_side_of_a_container(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(stopping, "RUN_END_TIME", 0.05)
+    with sleeper("import signal; signal.signal(15, signal.SIG_IGN); print(flush=True); input()") as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        here = identity_of(process.pid)
+        assert here is not None
+        inside = replace(here, pid=7, namespace=1)
+        found = Found("7", by_name=AbstractName(os.geteuid(), "7", inside, "run", here=here))
+        monkeypatch.setattr(stopping, "search", lambda: Search([found]))
+        trouble = str(stopping.stop_one(found, "a test")["trouble"])
+        assert f"kill -9 {process.pid}" in trouble
+    unseen = Found("7", by_name=AbstractName(os.geteuid(), "7", inside, "run"))
+    trouble = str(stopping.stop_one(unseen, "a test")["trouble"])
+    assert ("kill -9" in trouble, BY_HAND in trouble) == (False, True)
 
 
 # --- what a run answers -----------------------------------------------------------------------------------------------
