@@ -38,6 +38,11 @@ class WheelRates:
 class Mounted(Protocol):
     """A pan/tilt device on the board. One of the three is called at a time, mostly from the link's thread."""
 
+    @property
+    def servos(self) -> frozenset[int]:
+        """The numbers of its servos."""
+        ...
+
     def stands(self, degrees: Mapping[int, int], *, later: bool, known: bool) -> Mapping[int, int]:
         """Set the angles of its servos to these ``degrees``, by their numbers, else to where the sketch puts them.
 
@@ -66,8 +71,9 @@ class Board:
     they do: see ``drivers.arduino.vigil``. One that does not answer at once when its port was opened is starting, and
     asked again after ``boot_delay`` seconds. One that does has been running: its servos stand where we left them, or
     ``remembered`` says; else that is not known, they are taken to stand where the sketch puts them, and stay there
-    until they are commanded. DTR stays on when the port is closed, so that the next program does not reset the board.
-    After it was away ``away`` says what of before goes on. The port is open while any of its devices is.
+    until they are commanded. An assumed angle is not remembered until it was sent. DTR stays on when the port is
+    closed, so that the next program does not reset the board. After it was away ``away`` says what of before goes on.
+    The port is open while any of its devices is.
     """
 
     name = "head"
@@ -94,6 +100,7 @@ class Board:
         self._remembered = remembered
         self._sent: dict[int, int] = {}  # the degrees that each servo was sent last, as far as that holds
         self._servos = 0  # how many it is to be known of
+        self._assumed: set[int] = set()  # servos whose angles are a guess until they are sent one
         self._met = False  # its servos were known once
         self._unkept = False  # angles were sent since they were kept last
         self.began: Life | None = None
@@ -238,7 +245,7 @@ class Board:
         """Keep where the servos are, also for after a `kill -9`. For the link's thread: a disk may be slow."""
         self._unkept = False
         if self._remembered is not None:
-            if len(self._sent) == self._servos:
+            if len(self._sent) == self._servos and not self._assumed:
                 self._remembered.keep(self._sent)
             else:
                 self._remembered.forget()
@@ -259,7 +266,7 @@ class Board:
             return
         else:
             self._sent = left
-            known = bool(left) or self._remembered is None
+            known = self._remembered is None or all(device.servos <= left.keys() for device in self._devices)
             if not known:
                 what = (
                     "its board has been running, and nobody knows where its servos stand: the first movement may leap"
@@ -274,8 +281,8 @@ class Board:
             for index, angle in device.stands(self._sent, later=session.later, known=known).items()
         }
         self._servos = len(self._sent)
-        if known:
-            self._remember()
+        self._assumed = set() if known else set(self._sent)
+        self._remember()
 
     def _send(self, session: Session, topic: int, devices: tuple[Mounted, ...]) -> bool:
         """Send what is due, if it is sure that the board is the one that we know; else ask the board first.
@@ -293,6 +300,7 @@ class Board:
         angles = [angle for device in devices for angle in device.due(now)]
         if angles:
             self._sent.update((angle.index, angle.angle) for angle in angles)
+            self._assumed.difference_update(angle.index for angle in angles)
             self._unkept = True
             session.vigil.sent(len(angles), now)
             self._write(topic, angles)

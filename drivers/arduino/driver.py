@@ -102,6 +102,11 @@ class ArduinoHead(LedHead[ServoAxis]):
 
     # --- on the board: see drivers.arduino.board.Mounted ---------------------------------------------------------
 
+    @property
+    def servos(self) -> frozenset[int]:
+        """The numbers of its servos."""
+        return frozenset(axis.index for axis in self._way.axes)
+
     def stands(self, degrees: Mapping[int, int], *, later: bool, known: bool) -> Mapping[int, int]:
         """Go on from where the servos stand; stay there, but for the first time that it is known where that is."""
         now = self._clock.now()

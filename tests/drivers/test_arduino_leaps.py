@@ -216,3 +216,55 @@ def test_a_board_that_has_been_running_and_whose_servos_nobody_knows_stays_until
         scene.run(10.0)
     assert scene.board.commands == []
     assert any("nobody knows where its servos stand" in notice.what for notice in scene.notices)
+
+
+def place_unknown(scene: Scene) -> None:
+    """Start a program that finds a running board, and no file that says where its servos stand."""
+    scene.kill()
+    scene.notices.clear()
+    for kept in scene.folder.glob("servos*.json"):
+        kept.unlink()
+    scene.head = scene.program()
+
+
+def warnings(scene: Scene) -> int:
+    return sum("nobody knows where its servos stand" in notice.what for notice in scene.notices)
+
+
+@pytest.mark.parametrize("killed", [False, True])
+@pytest.mark.parametrize(("pan", "tilt"), [(None, None), (30, None), (None, 10), (30, 10)])
+def test_an_assumed_angle_is_not_remembered_as_a_known_one(
+    pan: int | None, tilt: int | None, killed: bool, tmp_path: Path
+) -> None:
+    with closing(Scene(SKETCHES[NATIVE_USB], tmp_path)) as scene:
+        place_unknown(scene)
+        assert warnings(scene) == 1
+        here = scene.head.pose().value
+        assert here is not None
+        aim = HeadPose(
+            here.pan if pan is None else radians(pan),
+            here.tilt if tilt is None else radians(tilt),
+        )
+        scene.head.enable()
+        scene.head.look(aim)
+        scene.run(3.0)
+        scene.kill() if killed else scene.head.close()
+        scene.board.commands.clear()
+        scene.head = scene.program()
+        known = pan is not None and tilt is not None
+        assert warnings(scene) == (1 if known else 2)
+        if not known:
+            assert scene.board.commands == []
+
+
+def test_a_remembered_angle_of_other_servos_does_not_count(tmp_path: Path) -> None:
+    with closing(Scene(SKETCHES[NATIVE_USB], tmp_path)) as scene:
+        scene.head.close()
+        memory = Memory(tmp_path, str(scene.port))
+        memory.keep({0: 120})
+        memory.close()
+        scene.notices.clear()
+        scene.board.commands.clear()
+        scene.head = scene.program()
+        assert warnings(scene) == 1
+        assert scene.board.commands == []
