@@ -42,7 +42,8 @@ class JointProgress:
     """Watches one joint by its readings, in radians and seconds. For one thread at a time.
 
     ``title`` is the name of the joint in messages. ``blocked`` says why it was given up, as long as it is.
-    ``runs_away`` is True for one that turned the wrong way, and goes on when it is held: only torque off helps.
+    ``runs_away`` is True for one that turned the wrong way, and goes on when it is held: its driver has to let go of
+    it, or to say that it cannot.
     """
 
     def __init__(self, title: str) -> None:
@@ -52,7 +53,7 @@ class JointProgress:
         self._goal: float | None = None
         self._settled: float | None = None  # the goal at which it has arrived
         self._blocked_at = 0.0
-        self._left_at: float | None = None  # where it was given up that turned the wrong way
+        self._left_at: float | None = None  # where it is held since it turned the wrong way
         self._speed = self._commanded_at = self._stamp = 0.0
         self._arrived = True
         self._away = False  # it does not stay where it holds
@@ -85,11 +86,15 @@ class JointProgress:
         if self._arrived and (self._settled is None or abs(goal - self._settled) > RESOLUTION):
             self._arrived = False
             self._restart()
-        self._goal, self._speed, self._commanded_at = goal, speed, now
+        self._goal, self._speed, self._commanded_at, self._left_at = goal, speed, now, None
 
     def hold(self, place: float | None) -> None:
-        """Expect it to stay at ``place``, None for a limp joint; nothing is blocked any more."""
-        self.blocked, self.runs_away, self._left_at = "", False, None
+        """Expect it to stay at ``place``, None for a limp joint; nothing is blocked any more.
+
+        A joint that turned the wrong way is still watched: it may run away from there.
+        """
+        self._left_at = None if self._left_at is None else place
+        self.blocked, self.runs_away = "", False
         self._goal = self._settled = place
         self._arrived = True
         self._restart()
@@ -99,7 +104,10 @@ class JointProgress:
         passed, self._stamp = min(max(stamp - self._stamp, 0.0), LONGEST_GAP), max(stamp, self._stamp)
         if self._left_at is not None and not self.runs_away and abs(here - self._left_at) > WRONG_WAY:
             self.runs_away = True
-            return f"{self.title}: runs away from {self._left_at:.2f} rad, where it is held: its torque is switched off"
+            self._blocked_at = here
+            said = f"{self.title}: runs away from {self._left_at:.2f} rad, where it is held"
+            self.blocked = self.blocked or said
+            return said
         if self._goal is None or self.blocked:
             return ""
         error = self._goal - here

@@ -137,9 +137,16 @@ class CommandedJoints(Enabling, ABC):
             if state is None or not joint.torque or joint.shut:
                 joint.progress.hold(None)
             elif said := joint.progress.look(state.position, state.load, joint.reading.stamp):
-                self._report(DeviceStatus(self.name, "fault", said, HINT))
+                if joint.progress.runs_away:
+                    self._tell_runaway(said)
+                else:
+                    self._report(DeviceStatus(self.name, "fault", said, HINT))
                 given_up += [joint] if joint.progress.blocked else []
         return given_up
+
+    def _tell_runaway(self, said: str) -> None:
+        """Report a joint that runs away, and what this arm does about it."""
+        self._report(DeviceStatus(self.name, "fault", f"{said}: its torque is switched off", HINT))
 
     @abstractmethod
     def _command(self, names: Collection[str], *, stiff: bool) -> None:

@@ -18,7 +18,20 @@ from drivers.link import Link
 from drivers.ros2 import wire
 from drivers.ros2.line import Channel, absent
 from drivers.ros2.types import Malformed, types
-from drivers.ros2.ways import LIMP, SLOWEST, STATE, STIFF, TRAJECTORY, Bounds, Felt, TopicJoint, Way, frames
+from drivers.ros2.ways import (
+    LIMP,
+    RUNAWAY,
+    RUNAWAY_HINT,
+    SLOWEST,
+    STATE,
+    STIFF,
+    TRAJECTORY,
+    Bounds,
+    Felt,
+    TopicJoint,
+    Way,
+    frames,
+)
 
 RENEWAL = 0.05
 """Seconds between two legs of a way."""
@@ -32,7 +45,8 @@ class TopicJoints(Enabling):
 
     The type of who listens says what is sent: a JointTrajectory with the next ``LEG`` of the way, or where each is to
     be now. Either way all joints are told of, and who hears no more stands within ``LEG``. ROS 2 has no word for
-    torque: they are always stiff, and ``relax`` lets them stand where they are, with a notice.
+    torque: they are always stiff, and ``relax`` lets them stand where they are, with a notice. A joint that runs away
+    stops the whole arm until it is enabled.
     """
 
     def __init__(
@@ -108,9 +122,9 @@ class TopicJoints(Enabling):
         check_names(self.name, set(names), self._joints)
         with self._lock:
             self._following.end(names)
-            for name in names:
-                self._progress[name].hold(None)
             if not self._there:
+                for name in names:
+                    self._progress[name].hold(None)
                 self._miss(names)
                 return
             now = self._clock.now()
@@ -278,10 +292,29 @@ class TopicJoints(Enabling):
     def _give_up(self, now: float) -> None:
         """Let the joints stand where they are that do not get where they are sent."""
         for name, progress in self._progress.items():
-            if said := self._felt.look(name, progress):
-                self._report(DeviceStatus(self.name, "fault", said, f"{HINT}; is its controller running?"))
+            if not (said := self._felt.look(name, progress)):
+                continue
+            if progress.runs_away:
+                self._stop_for_runaway(said, now)
+                continue
+            self._report(DeviceStatus(self.name, "fault", said, f"{HINT}; is its controller running?"))
+            if progress.blocked:
                 self._following.end([name])
                 self._ways[name], self._settled, self._sent_at = self._still(name, now), False, -inf
+
+    def _stop_for_runaway(self, said: str, now: float) -> None:
+        """Latch, and let the other joints stand; the goal of one that runs away stays, as a new one could drive it on.
+
+        Its controller may have a wrong sign, and there is no message that switches its motor off.
+        """
+        said = f"{said}: {RUNAWAY}"
+        self._report(DeviceStatus(self.name, "fault", said, RUNAWAY_HINT))
+        self._absence.latch(said, graver=True)
+        self._following = Following()
+        for name, progress in self._progress.items():
+            if not progress.runs_away:
+                self._stand(name, now)
+        self._settled, self._sent_at = False, -inf
 
     def _still(self, name: str, now: float) -> Way:
         here = self._felt.position(name)
@@ -291,7 +324,8 @@ class TopicJoints(Enabling):
         """Let a joint stand: at its goal if it is there, else where it is."""
         way = self._ways.get(name)
         if way is None or way.left(now) > 0 or self._felt.moves(name):
-            self._ways[name] = self._still(name, now)
+            way = self._ways[name] = self._still(name, now)
+        self._progress[name].hold(way.goal)
 
     def _lead(self, now: float) -> None:
         """Send every follower where it belongs now."""

@@ -44,6 +44,10 @@ FAR = 1e6
 STIFF, LIMP = "stays stiff: ROS 2 has no word for limp joints", "let its controller do it: `call_service`"
 """What is told where joints are to be limp."""
 
+RUNAWAY = "ROS 2 has no word for torque off, so its motor goes on"
+RUNAWAY_HINT = "switch the power of its motor off; then look at the signs of its motor, its sensor and its controller"
+"""What is told of a joint that runs away."""
+
 EPISODE = 10.0
 """Seconds without a goal beyond the limits of a joint after which the next one is worth a word again."""
 

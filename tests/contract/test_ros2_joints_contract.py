@@ -394,3 +394,42 @@ def test_a_joint_that_is_blocked_or_turns_the_wrong_way_is_given_up_and_told_to_
     topics.device.hold()
     topics.device.move({"elbow": 1.2})
     topics.until(lambda: topics.at("elbow", 1.2))
+
+
+def reverse(rig: ArmRig, *, ended: bool) -> None:
+    """Have the motor of the elbow turn the wrong way, or end that."""
+    if isinstance(rig, TopicArm):
+        rig.robot.shafts["elbow_joint"].grip = 1.0 if ended else -1.0
+    elif isinstance(rig, TwinArm):
+        rig.device.fail("elbow", "" if ended else "reversed")
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_a_joint_that_runs_away_stops_the_arm_and_nobody_is_told_that_its_torque_is_off(
+    arm: ArmRig, held: bool
+) -> None:
+    reverse(arm, ended=False)
+    with pytest.raises(DeviceFault):  # noqa: PT012 - sent at each tick, as leaves do
+        for _ in range(60):
+            arm.device.move({"elbow": 1.2}, speeds={"elbow": 1.0})
+            arm.device.move({"shoulder": 2.5}, speeds={"shoulder": 0.3})
+            arm.wait(0.05)
+    if held:  # as the leaf does that has failed
+        arm.device.hold(["elbow"])
+    arm.until(lambda: arm.told("fault", "runs away"))
+    (notice,) = [each for each in arm.notices if "runs away" in each.what]
+    assert "torque is switched off" not in notice.what
+    assert "ROS 2 has no word for torque off" in notice.what
+    assert notice.hint.startswith("switch the power of its motor off")
+    assert "joint elbow: runs away" in arm.device.latched
+    with pytest.raises(DeviceFault, match="runs away"):
+        arm.device.move({"wrist": 0.3})
+    arm.wait(0.5)
+    there = arm.truth("shoulder")
+    arm.wait(1.0)
+    assert arm.truth("shoulder") == pytest.approx(there, abs=TICK)
+    reverse(arm, ended=True)
+    arm.wait(3.0)
+    arm.device.enable()
+    arm.device.move({"elbow": 0.5})
+    arm.until(lambda: arm.at("elbow", 0.5))

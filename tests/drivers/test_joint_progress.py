@@ -151,6 +151,17 @@ def test_a_joint_that_turns_the_wrong_way_is_held_before_it_has_gone_far(rig: Ri
     assert "its torque is switched off" in faults(rig)[-1]
 
 
+def test_a_joint_that_runs_away_after_its_leaf_has_held_it_is_let_go(rig: Rig) -> None:
+    rig.fail("reversed")
+    assert "turned the wrong way" in drive(rig, 1.2)
+    rig.joints.hold(["a"])  # as the leaf does that has failed
+    rig.run(3.0)
+    there = rig.angle()
+    rig.run(2.0)
+    assert rig.angle() == pytest.approx(there, abs=0.01)
+    assert "its torque is switched off" in faults(rig)[-1]
+
+
 def test_a_blocked_joint_may_turn_back_and_is_tried_again_after_a_hold_or_a_while(rig: Rig) -> None:
     drive(rig, 0.4, limit=1.0)
     rig.fail("blocked")

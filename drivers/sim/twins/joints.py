@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from math import inf
-from typing import Literal
+from typing import ClassVar, Literal
 
 from drivers.api import Away, Coupling, Health, JointState, Quality, Reading, Report, ignore
 from drivers.api.following import Following
@@ -30,6 +30,9 @@ class JointsTwin(CommandedJoints):
 
     PERIOD = 0.025
     """Longer than a round of the real driver's, which costs nothing: readings are of the moment when they are asked."""
+
+    always_stiff: ClassVar[bool] = False
+    """True for joints that cannot be made limp."""
 
     def __init__(
         self,
@@ -268,7 +271,9 @@ class JointsTwin(CommandedJoints):
             servo.joint.reading = self._reading(servo, now)
         for joint in self._look(servo.joint for servo in watched):
             self._following.end([joint.name])
-            joint.wanted = not joint.progress.runs_away
+            joint.wanted = self.always_stiff or not joint.progress.runs_away
+            if self.always_stiff and joint.progress.runs_away:
+                continue  # a further goal would drive it as wrong as the one before
             servo = self._servos[joint.name]
             servo.hold(now) if joint.wanted else servo.relax(now)
             self._read_at = -inf

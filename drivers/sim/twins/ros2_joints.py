@@ -7,7 +7,7 @@ from drivers.clock import Clock
 from drivers.dynamixel.joint import JointSpec
 from drivers.ros2.declared import Ros2ArmKeys, Ros2HeadKeys
 from drivers.ros2.make import axis, joints_of_arm, joints_of_head
-from drivers.ros2.ways import LIMP, STIFF, TopicJoint
+from drivers.ros2.ways import LIMP, RUNAWAY, RUNAWAY_HINT, STIFF, TopicJoint
 from drivers.sim.stage import Stage
 from drivers.sim.twins.joints import JointsTwin
 from drivers.sim.twins.neck import NeckTwin
@@ -40,12 +40,21 @@ class StiffJoints(JointsTwin):
         for servo in self._servos.values():
             servo.joint.wanted = True
 
+    always_stiff = True
+
     def relax(self, joints: Collection[str] | None = None) -> None:
         """Let the named joints stand where they are, and tell that ROS 2 cannot make them limp."""
         names = list(self._joints) if joints is None else list(joints)
         self.hold(names)
         if names:
             self._report(DeviceStatus(self.name, "fault", f"{', '.join(names)} {STIFF}", LIMP))
+
+    def _tell_runaway(self, said: str) -> None:
+        """Report it, and stop the whole arm until somebody enables it."""
+        said = f"{said}: {RUNAWAY}"
+        self._report(DeviceStatus(self.name, "fault", said, RUNAWAY_HINT))
+        self._absence.latch(said, graver=True)
+        self.hold([name for name, joint in self._joints.items() if not joint.progress.runs_away])
 
 
 class HeadTwin(NeckTwin):
