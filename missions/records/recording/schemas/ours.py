@@ -256,6 +256,7 @@ OURS: Mapping[str, Schema] = {
             "Each joint.",
             closed(
                 "",
+                "blocked",
                 **_MEASURED,
                 position=real("Radians."),
                 velocity=real("rad/s."),
@@ -265,6 +266,7 @@ OURS: Mapping[str, Schema] = {
                 temperature=real("degC."),
                 moving=flag("Whether it moves."),
                 torque=flag("Whether it is stiff."),
+                blocked=text("Reason for which its driver has given up its goal; empty while it follows."),
             ),
         ),
     ),

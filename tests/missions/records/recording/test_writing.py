@@ -120,7 +120,7 @@ BYTES = {
     "foxglove.LaserScan": "ed312211d4740b2c",
     "foxglove.Log": "e4978a18822102b3",
     "foxglove.PoseInFrame": "f31b22e3636e7e85",
-    "missiontree.ArmState": "49ef3f3d795b4f50",
+    "missiontree.ArmState": "025650c362211a9c",
     "missiontree.BaseState": "d3c5594ff2555c18",
     "missiontree.CommandSent": "f15a84eed88cfc56",
     "missiontree.DeviceStates": "166adb823a29edf2",
