@@ -17,9 +17,9 @@ RECENT = 60.0
 class MotionHold:
     """Holds the source that commanded when a fault came.
 
-    It lets go by a stop, by standing still, by silence, and by a command the other way round: so renewed commands of
-    the same motion never restart the base; a fresh leaf, a key pressed anew, and a way back do. Not safe between
-    threads.
+    The source is released when it stops the base, commands zero, commands the opposite direction, or is silent for
+    ``LET_GO``. So renewed commands of the same motion never restart the base. A leaf stops the base as it fails, so
+    the next leaf may move it at once. A stop of the mission releases no person. Not safe between threads.
     """
 
     def __init__(self) -> None:

@@ -1,9 +1,19 @@
 """Motion faults on all bases: none drives on for long, none hangs; and no base that obeys is stopped."""
 
 import pytest
+from py_trees.common import Status
 
-from behaviours.leaf import SUCCESS
-from tests.drivers.motion_faults import BASES, FAULTS, MotionCase, draw, play
+from behaviours.driving.motion import Motion
+from behaviours.driving.straight import Drive
+from behaviours.driving.turning import Turn
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS
+from behaviours.robot import Robot
+from drivers.base.motion_hold import MAX_FAULTS
+from drivers.sim.body import Body
+from drivers.sim.timeline import Timeline
+from drivers.sim.wheels import Wheels
+from missions.testing.recorders import Bench
+from tests.drivers.motion_faults import BASES, FAULTS, TICK, TRACK, MotionCase, draw, play
 from tests.tries import tries
 
 
@@ -39,6 +49,56 @@ def test_it_fails_and_says_why_within_two_seconds(base: str, fault: str) -> None
     ending = play(MotionCase(1, base, "drive", 0.5, 0.0, 0.2, fault=fault))
     assert ending.seconds < 2.0
     assert ending.reason.startswith("commanded ")
+
+
+class Run:
+    """A run of leaves, one after the other, on a base."""
+
+    def __init__(self, base: str) -> None:
+        self.timeline = Timeline()
+        self.stand = BASES[base](Body(wheels=Wheels(separation=TRACK)), self.timeline)
+        self.stand.base.open()
+        self.timeline.run(1.0)
+        self.bench = Bench(self.timeline.clock)
+        self.bench.robot = Robot(base_part=self.stand.base)
+
+    def play(self, leaf: Motion, **arguments: float) -> Status:
+        """Tick a leaf at once, and until it ends."""
+        self.bench.put(leaf, **arguments)
+        for _ in range(1000):
+            self.bench.run.tick += 1
+            status = leaf.execute_tick()
+            if status is not RUNNING:
+                return status
+            self.timeline.run(self.timeline.clock.now() + TICK)
+        raise AssertionError(leaf.reason)
+
+
+COMPARED = ["kobuki, twin", "kobuki, wire", "ros2, wire", "rover with encoders, wire"]
+
+
+@pytest.mark.parametrize("base", COMPARED)
+def test_the_next_branch_of_a_selector_moves_a_base_at_once_after_a_fault(base: str) -> None:
+    run = Run(base)
+    run.stand.body.wheels.blocked = True
+    assert run.play(Drive("drive"), distance=1.0) is FAILURE
+    run.stand.body.wheels.blocked = False
+    turn = Turn("turn")
+    assert run.play(turn, angle=1.57) is SUCCESS, turn.reason
+    run.stand.base.close()
+
+
+@pytest.mark.parametrize("base", COMPARED)
+def test_a_retry_against_an_obstacle_tries_each_time_and_ends_latched(base: str) -> None:
+    run = Run(base)
+    run.stand.body.wheels.blocked = True
+    for number in range(MAX_FAULTS):
+        began, drive = run.timeline.clock.now(), Drive("drive")
+        assert run.play(drive, distance=1.0) is FAILURE
+        assert run.timeline.clock.now() - began > 0.5, "it has tried"
+        assert bool(run.stand.base.latched) is (number == MAX_FAULTS - 1), drive.reason
+    assert run.play(Turn("turn"), angle=1.57) is FAILURE
+    run.stand.base.close()
 
 
 def test_a_create3_that_backs_no_farther_fails_and_says_why_within_two_seconds() -> None:

@@ -204,6 +204,41 @@ def test_overcurrent_that_lasts_stops_a_base_whose_wheels_slip() -> None:
     assert "overcurrent on the right wheel" in bench.mux.steering.fault
 
 
+@pytest.mark.parametrize("velocity", [AHEAD, LEFT, Velocity(0.05, 0.0)])
+def test_the_next_leaf_moves_the_base_at_once_after_a_fault(velocity: Velocity) -> None:
+    bench = Bench(nothing)
+    bench.time_to_fault(AHEAD)
+    bench.report = odometry
+    bench.drive(AHEAD, 0.1)  # until the leaf sees the fault
+    bench.mux.halt()  # as a leaf does that fails
+    assert bench.mux.steer(velocity, bench.now, bench.felt) == velocity
+    assert not bench.drive(velocity, 1.0)
+    assert bench.mux.steering.given == velocity
+
+
+def test_a_stop_of_the_mission_releases_no_person() -> None:
+    bench = Bench(nothing)
+    while not bench.drive(AHEAD, PERIOD, Source.TELEOP):
+        pass
+    bench.report = odometry
+    for _ in range(20):
+        bench.mux.halt()
+        assert bench.drive(AHEAD, 0.1, Source.TELEOP)
+
+
+def test_leaves_that_try_again_at_once_latch_a_blocked_base_at_the_third_fault() -> None:
+    bench = Bench(nothing)
+    faults = 0
+    while not bench.mux.latched:
+        assert bench.now < 10.0
+        if bench.drive(AHEAD, PERIOD):
+            faults += 1
+            bench.mux.halt()
+    assert faults == MAX_FAULTS - 1
+    assert not bench.drive(LEFT, 1.0)
+    assert bench.mux.velocity(bench.now, bench.felt) == STILL
+
+
 def test_a_person_may_drive_on_while_the_mission_is_held() -> None:
     bench = Bench(nothing)
     bench.time_to_fault(AHEAD)
