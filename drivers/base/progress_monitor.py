@@ -128,6 +128,7 @@ class ProgressMonitor:
         if new and state is not None:
             self._take(now, state)
         if state is None or sent == STILL:
+            self._overloaded_since = None  # a motor at rest is not overloaded: the next start has its own peak
             return None
         if now - self._reported_at > NO_DATA_TIMEOUT:
             return MotionFault(

@@ -204,6 +204,16 @@ def test_overcurrent_that_lasts_stops_a_base_whose_wheels_slip() -> None:
     assert "overcurrent on the right wheel" in bench.mux.steering.fault
 
 
+def test_an_overload_is_counted_from_the_start_of_each_motion() -> None:
+    loaded = Sides(right=True)
+    bench = Bench(lambda wheels: BaseState(wheels.pose, wheels.velocity, overcurrent=loaded))
+    for _ in range(4):
+        assert not bench.drive(AHEAD, 0.4)
+        bench.mux.halt(Source.MISSION)
+        assert not bench.drive(None, 0.2)
+    assert bench.time_to_fault(AHEAD) == pytest.approx(1.0, abs=0.1)
+
+
 @pytest.mark.parametrize("velocity", [AHEAD, LEFT, Velocity(0.05, 0.0)])
 def test_the_next_leaf_moves_the_base_at_once_after_a_fault(velocity: Velocity) -> None:
     bench = Bench(nothing)
