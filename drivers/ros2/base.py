@@ -69,7 +69,8 @@ class Ros2Base(PlainBase):
 
     Its pose begins at 0 when it is first heard, and goes on from where it was when somebody sets the odometry, and
     after it was away. While it stands, nothing is sent: what else drives the robot, such as Nav2, is not in its way.
-    ``halted`` is called when a person stops or latches it: to end whatever else drives it.
+    ``halted`` is called when a person stops or latches it: to end whatever else drives it. ``entrusted`` returns
+    whether a goal of another node, such as Nav2, may move it now.
     """
 
     def __init__(
@@ -81,15 +82,18 @@ class Ros2Base(PlainBase):
         *,
         halted: Callable[[], None] = lambda: None,
         anchored: Callable[[Pose2D, str], None] = lambda pose, frame: None,  # noqa: ARG005
+        entrusted: Callable[[], bool] = lambda: False,
         **settings: Unpack[Settings],
     ) -> None:
         super().__init__(link, clock, TwoWheels(1.0, inf), reckoned=False, **settings)
         self._channels, self._words = channels, list(words)
-        self._halted, self._anchored = halted, anchored
+        self._halted, self._anchored, self._entrusted = halted, anchored, entrusted
         self._finder = wire.FrameFinder()
         self._kinds: dict[str, tuple[str, ...]] = {}
         self._origin: tuple[Pose2D, Pose2D] | None = None  # a pose as it was told, and what that is for us
         self._raw: tuple[Pose2D, float] | None = None
+        # The odometry from which the drift is reckoned on, when it came, and when that was by the robot's clock.
+        self._measured: tuple[Pose2D, float, float] | None = None
         self._bias = GyroBias(encoders=False)
         self._turned_back = 0.0  # radians of drift since the robot's frame was told
         self._interval = SLOWEST_INTERVAL
@@ -103,7 +107,8 @@ class Ros2Base(PlainBase):
         """Begin anew: nothing of before is in force, and the pose goes on from where it was."""
         self._finder = wire.FrameFinder()
         self._kinds.clear()
-        self._origin = self._raw = None
+        self._origin = self._raw = self._measured = None
+        self._bias = GyroBias(encoders=False)  # the robot may have been switched off and on
         self._interval = SLOWEST_INTERVAL
         super().connected()
 
@@ -239,7 +244,7 @@ class Ros2Base(PlainBase):
         if not all(abs(figure) < FAR for figure in figures):  # nor is one that is no number
             raise ValueError("odometry of no robot")
         raw = Pose2D(at.x, at.y, yaw(turned))
-        pose, rate = self._undrifted(raw, Velocity(moves.linear.x, moves.angular.z), now, told.header.frame_id)
+        pose, rate = self._undrifted(raw, Velocity(moves.linear.x, moves.angular.z), now, told.header)
         felt, self._brief = self._brief, self._hazards
         volts, percent, charging = self._battery
         velocity = Velocity(moves.linear.x, rate)
@@ -252,17 +257,25 @@ class Ros2Base(PlainBase):
         self._tell(before, [state])
         self._take(state, now)
 
-    def _undrifted(self, raw: Pose2D, moves: Velocity, now: float, frame_id: str) -> tuple[Pose2D, float]:
+    def _undrifted(self, raw: Pose2D, moves: Velocity, now: float, header: Any) -> tuple[Pose2D, float]:
         """Return where that is for us, and the turn rate, without the drift of its gyro as it was learnt at rest."""
-        before, frame = self._raw, frame_id.lstrip("/")  # a slash that tf refuses
+        before, frame = self._measured, header.frame_id.lstrip("/")  # a slash that tf refuses
+        stamp = header.stamp.sec + header.stamp.nanosec * 1e-9
         pose = self._placed(raw, now, frame)
-        if before is None or now - before[1] < MIN_INTERVAL:
+        if before is None:
+            self._measured = raw, now, stamp
             return pose, moves.angular - self._bias.rate
-        was, seconds = before[0], now - before[1]
-        self._interval = min(max(seconds, 0.9 * self._interval), SLOWEST_INTERVAL)
+        was, seconds, stamped = before[0], now - before[1], stamp - before[2]
+        if seconds >= MIN_INTERVAL:
+            self._interval = min(max(seconds, 0.9 * self._interval), SLOWEST_INTERVAL)
+        if MIN_INTERVAL <= stamped <= SLOWEST_INTERVAL:  # a network may deliver several messages at once
+            seconds = stamped
+        if seconds < MIN_INTERVAL:
+            return pose, moves.angular - self._bias.rate
+        self._measured = raw, now, stamp
         turn = remainder(raw.heading - was.heading, tau)
         rolled = max(abs(moves.linear), abs(raw.x - was.x), abs(raw.y - was.y))
-        still = rolled < STILL_WITHIN and not self._mux.monitor.watching
+        still = rolled < STILL_WITHIN and not self._mux.monitor.watching and not self._entrusted()
         left, rate = self._bias.correct(turn, moves.angular, seconds, still=still)
         if left == turn:
             return pose, rate

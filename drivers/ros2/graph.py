@@ -195,6 +195,10 @@ class Ros2Graph:
         """Cancel an action."""
         self._requests.cancel(number)
 
+    def has_goal(self) -> bool:
+        """Return whether an action that was begun here may still be under way."""
+        return self._requests.has_goal()
+
     def stop(self) -> None:
         """Cancel all actions."""
         self._requests.cancel_all()

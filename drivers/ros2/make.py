@@ -59,7 +59,14 @@ def base(keys: Ros2BaseKeys, site: Site) -> bases.Ros2Base:
     channels = [Channel(nodes.full(topic), bases.KINDS[word], word in bases.SENT) for word, topic in topics.items()]
     line = link("base", nodes.node, channels, site.report)
     return bases.Ros2Base(
-        line, site.clock, channels, list(topics), halted=nodes.stop, anchored=nodes.anchor, **settings_of(keys, site)
+        line,
+        site.clock,
+        channels,
+        list(topics),
+        halted=nodes.stop,
+        anchored=nodes.anchor,
+        entrusted=nodes.has_goal,
+        **settings_of(keys, site),
     )
 
 

@@ -107,6 +107,11 @@ class Requests:
         for number in list(self._all):
             self.cancel(number)
 
+    def has_goal(self) -> bool:
+        """Return whether the goal of an action may still be under way."""
+        with self._lock:
+            return any(each.goal and (each.loose or not each.progress.over) for each in self._all.values())
+
     def progress(self, number: int) -> Progress:
         """Return how far one has come. Raises BadRequest for a number that was never given, or long ago."""
         request = self._all.get(number)

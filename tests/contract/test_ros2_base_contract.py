@@ -1,5 +1,6 @@
 """What ``drivers.api.Base`` promises, kept by a base of ROS 2 over its topics: with Twist, and with TwistStamped."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from math import inf, nan, radians
@@ -67,6 +68,7 @@ class Topics(InSimulatedTime, BaseRig):
         self.robot = VirtualBase(Body(ground=Room()), self.topics, stamped=self.stamped, origin=origin)
         self.wire = HandWire(self.robot, self.timeline)
         self.halts = 0
+        self.entrusted = False
         self.start_told: list[Pose2D] = []
         self.device = Ros2Base(
             self.wire.link("base", report=self.notices.append),
@@ -75,6 +77,7 @@ class Topics(InSimulatedTime, BaseRig):
             list(self.topics),
             halted=self.halted,
             anchored=lambda pose, _: self.start_told.append(pose),
+            entrusted=lambda: self.entrusted,
             report=self.notices.append,
             changed=self.changed,
         )
@@ -269,3 +272,71 @@ def test_a_base_at_its_backup_limit_fails_its_leaf_within_two_seconds_and_says_w
     assert leaf.status is FAILURE
     assert "backup limit" in leaf.feedback_message
     assert any("safety_override" in notice.hint for notice in base.notices if "commanded" in notice.what)
+
+
+class Odometry:
+    """Odometry of a base that stands, as messages: its gyro turns at ``rate``; ``stamped`` ones tell when."""
+
+    def __init__(self, base: Topics, *, stamped: bool) -> None:
+        self.base, self.stamped = base, stamped
+        self.measured_at, self.heading = 0.0, 0.0
+        base.robot.odometry_interval = inf
+        base.robot._odometry_due = inf
+
+    def tell(self, rate: float, seconds: float, *, arrivals: float) -> None:
+        """Measure for 20 ms steps, and send two messages ``arrivals`` seconds apart each 40 ms."""
+        timeline = self.base.timeline
+        for _ in range(round(seconds / 0.04)):
+            began = self.base.clock.now()
+            for number in range(2):
+                timeline.run(began + 0.04 - arrivals * (1 - number))
+                self.measured_at += 0.02
+                self.heading += rate * 0.02
+                self._send(rate)
+
+    def _send(self, rate: float) -> None:
+        turned = {"z": math.sin(self.heading / 2), "w": math.cos(self.heading / 2)}
+        stamp = {"sec": int(self.measured_at), "nanosec": int(self.measured_at % 1 * 1e9)}
+        told = {
+            "header": {"frame_id": "odom", **({"stamp": stamp} if self.stamped else {})},
+            "pose": {"pose": {"orientation": turned}},
+            "twist": {"twist": {"angular": {"z": rate}}},
+        }
+        self.base.wire.take(frame(list(TOPICS).index("odom"), types().encode("nav_msgs/msg/Odometry", told)))
+
+
+@pytest.mark.parametrize("stamped", [True, False])
+@pytest.mark.parametrize("arrivals", [0.001, 0.007, 0.02])
+def test_the_drift_is_learnt_from_odometry_that_arrives_in_pairs(base: Topics, stamped: bool, arrivals: float) -> None:
+    odometry = Odometry(base, stamped=stamped)
+    odometry.tell(0.015, 4.0, arrivals=arrivals)
+    state = base.device.state().value
+    assert state is not None
+    assert not state.settling
+    assert state.velocity.angular == 0.0
+    odometry.tell(0.015, 4.0, arrivals=arrivals)
+    after = base.device.state().value
+    assert after is not None
+    assert after.pose.heading == pytest.approx(state.pose.heading, abs=0.001)
+
+
+def test_a_slow_turn_by_another_node_is_followed_and_not_learnt(base: Topics) -> None:
+    odometry = Odometry(base, stamped=True)
+    odometry.tell(0.0, 5.0, arrivals=0.02)
+    before = base.device.state().value
+    odometry.tell(0.1, 5.0, arrivals=0.02)
+    after = base.device.state().value
+    assert before is not None
+    assert after is not None
+    assert after.pose.heading - before.pose.heading == pytest.approx(0.5, abs=0.01)
+    assert after.velocity.angular == pytest.approx(0.1, abs=0.01)
+
+
+def test_nothing_is_learnt_while_a_goal_of_another_node_is_under_way(base: Topics) -> None:
+    base.entrusted = True
+    odometry = Odometry(base, stamped=True)
+    odometry.tell(0.1, 5.0, arrivals=0.02)
+    state = base.device.state().value
+    assert state is not None
+    assert state.velocity.angular == pytest.approx(0.1)
+    assert not state.settling

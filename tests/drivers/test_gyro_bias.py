@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from drivers.base.gyro_bias import GATE, GyroBias
+from drivers.base.gyro_bias import GATE, RELEARN_AFTER, SETTLING_LIMIT, GyroBias
 
 PERIOD = 0.02
 
@@ -55,3 +55,57 @@ def test_it_settles_once_and_only_where_the_gyro_drifts() -> None:
     assert drifting.settling
     pass_time(drifting, radians(3.0), 1.0, still=True)
     assert not drifting.settling
+
+
+@pytest.mark.parametrize("drift", [0.015, -0.05])
+def test_messages_that_arrive_in_pairs_teach_the_bias(drift: float) -> None:
+    bias = GyroBias(encoders=False)
+    for step in range(100):
+        bias.correct(drift * PERIOD, drift, 0.006 if step % 2 else 2 * PERIOD - 0.006, still=True)
+    assert not bias.settling
+    assert bias.rate == pytest.approx(drift, rel=0.1)
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_a_rounded_heading_teaches_the_bias(measured: bool) -> None:
+    bias, drift, told = GyroBias(encoders=False), 0.015, 0.0
+    for step in range(1, 300):
+        before, told = told, round(drift * step * PERIOD, 3)
+        turn = told - before
+        corrected = bias.correct(turn, drift if measured else turn / PERIOD, PERIOD, still=True)
+    assert not bias.settling
+    assert bias.rate == pytest.approx(drift, abs=0.005)
+    assert corrected == (0.0, 0.0), "a base at rest reports that it is"
+
+
+@pytest.mark.parametrize("encoders", [True, False])
+def test_nobody_waits_for_a_bias_that_cannot_be_learnt(encoders: bool) -> None:
+    bias, chance = GyroBias(encoders=encoders), Random(2)  # noqa: S311 - noise is no secret
+    for _ in range(round(1.1 * SETTLING_LIMIT / PERIOD)):
+        rate = chance.choice((-1.0, 1.0)) * chance.uniform(0.02, 0.11)
+        bias.correct(rate * PERIOD, rate, PERIOD, still=True)
+    assert not bias.settling
+
+
+@pytest.mark.parametrize("rate", [0.05, -0.1])
+def test_without_encoders_a_slow_turn_is_none_of_the_bias_once_that_is_known(rate: float) -> None:
+    bias = GyroBias(encoders=False)
+    pass_time(bias, 0.015, 10.0, still=True)
+    assert pass_time(bias, rate + 0.015, 10.0, still=True) == pytest.approx(10.0 * rate, rel=0.02)
+    assert bias.rate == pytest.approx(0.015, abs=0.001)
+    assert bias.correct(rate * PERIOD, rate, PERIOD, still=True)[1] != 0.0, "it reports that it turns"
+
+
+def test_without_encoders_a_bias_that_has_changed_for_good_is_learnt_anew() -> None:
+    bias = GyroBias(encoders=False)
+    pass_time(bias, 0.0, 10.0, still=True)
+    pass_time(bias, 0.05, RELEARN_AFTER + 2.0, still=True)
+    assert bias.rate == pytest.approx(0.05, abs=0.002)
+
+
+def test_a_bias_that_changes_slowly_is_followed() -> None:
+    bias = GyroBias(encoders=False)
+    for step in range(3000):
+        rate = 0.001 * step * PERIOD
+        bias.correct(rate * PERIOD, rate, PERIOD, still=True)
+    assert bias.rate == pytest.approx(0.06, abs=0.005)

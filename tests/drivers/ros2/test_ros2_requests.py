@@ -66,6 +66,7 @@ def test_a_goal_whose_end_is_unknown_is_cancelled_until_its_server_has_heard_it(
     network.there = False
     network.asked[1][1](None)
     assert requests.progress(number).state is GoalState.UNKNOWN
+    assert requests.has_goal()
     look(network, requests, 2.0)
     requests.cancel_all()
     assert network.cancels == []
@@ -77,6 +78,7 @@ def test_a_goal_whose_end_is_unknown_is_cancelled_until_its_server_has_heard_it(
     look(network, requests, 1.0)
     assert len(network.cancels) == 2
     network.cancels[1](HEARD)
+    assert not requests.has_goal()
     look(network, requests, 2.0)
     requests.cancel_all()
     assert len(network.cancels) == 2
