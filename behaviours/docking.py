@@ -4,7 +4,7 @@ from py_trees.common import Status
 
 from behaviours.driving.entrusting import Entrusting
 from behaviours.driving.motion import Way, obstacle
-from behaviours.homing import Homing, Stage, step
+from behaviours.homing import SWEEP, Homing, Stage, step
 from behaviours.leaf import SUCCESS, argument
 from drivers.api import BaseState, Pose2D, Ros2, Steering
 
@@ -63,7 +63,8 @@ class Dock(Entrusting):
 
     def seconds_needed(self, state: BaseState, start: Pose2D) -> float:
         del state, start
-        return DOCK_TIME * max(1.0, 0.1 / self.speed)
+        limits = self.robot.base.limits
+        return DOCK_TIME * max(1.0, 0.1 / min(self.speed, limits.speed), SWEEP / limits.turn)
 
     def go(self, state: BaseState, start: Pose2D) -> Status:
         del start

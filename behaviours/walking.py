@@ -45,9 +45,9 @@ class Paces(Motion):
         return "it has fallen" if state.fallen else super().trouble(state, steering)
 
 
-def seconds_to_walk(way: float, speed: float) -> float:
+def seconds_to_walk(way: float, speed: float, limit: float) -> float:
     """Return how long a walk (m) or turn (rad) by steps can take: it stands up before, and comes to a stand."""
-    return abs(way) / max(abs(speed), 1e-6) + GETTING_READY + LAST_STEPS
+    return abs(way) / max(min(abs(speed), limit), 1e-6) + GETTING_READY + LAST_STEPS
 
 
 class Walk(Paces):
@@ -66,18 +66,23 @@ class Walk(Paces):
     turn: float = argument("turn rate", "how fast it turns on the way; positive is to the left", default=0.0)
     _at: Pose2D | None = None
     _gone = 0.0
+    _gone_before = 0.0  # when its clock began
 
     def initialise(self) -> None:
         super().initialise()
-        self._at, self._gone = None, 0.0
+        self._at, self._gone, self._gone_before = None, 0.0, 0.0
 
     def resume(self, state: BaseState) -> None:
         super().resume(state)
         self._at = None  # what a person drives is not of this walk
+        self._gone_before = self._gone
 
     def seconds_needed(self, state: BaseState, start: Pose2D) -> float | None:
         del state, start
-        return None if self.distance is None else seconds_to_walk(abs(self.distance) - abs(self._gone), self.velocity)
+        if self.distance is None:
+            return None
+        left = abs(self.distance) - abs(self._gone_before)
+        return seconds_to_walk(left, self.velocity, self.robot.base.limits.speed)
 
     @property
     def way(self) -> Way:
@@ -114,7 +119,8 @@ class TurnInPlace(Paces):
     speed: float = argument("turn rate", "how fast", default=math.radians(30), low=math.radians(1), high=math.pi)
 
     def seconds_needed(self, state: BaseState, start: Pose2D) -> float:
-        return seconds_to_walk(self.angle - (state.pose.heading - start.heading), self.speed)
+        left = self.angle - (state.pose.heading - start.heading)
+        return seconds_to_walk(left, self.speed, self.robot.base.limits.turn)
 
     @property
     def way(self) -> Way:

@@ -9,7 +9,19 @@ from py_trees.common import Status
 from behaviours.driving.time_limit import MotionClock, limit_of
 from behaviours.leaf import SUCCESS, Leaf
 from behaviours.run import BY_DEAD_RECKONING
-from drivers.api import STILL, Angle, Base, BaseState, Length, Pose2D, Source, Steering, Velocity, is_guarded
+from drivers.api import (
+    STILL,
+    Angle,
+    Base,
+    BaseLimits,
+    BaseState,
+    Length,
+    Pose2D,
+    Source,
+    Steering,
+    Velocity,
+    is_guarded,
+)
 
 BRAKING, TURN_BRAKING = 0.5, 0.34
 """Which share of the base's greatest acceleration, and turn acceleration, the approach to a goal counts on."""
@@ -25,6 +37,9 @@ REACTION = 0.25
 
 HELD_OFF = 5.0
 """Seconds for which a leaf waits while the range guard keeps the base from moving: people walk on."""
+
+SETTLING_LIMIT = 4.0
+"""Seconds for which a motion waits for the drift of the gyro: a little longer than a driver needs to give up."""
 
 STANDSTILL = 0.01
 """Below this speed (m/s or rad/s) it has stopped."""
@@ -56,11 +71,14 @@ class Motion(Leaf):
     _start: Pose2D | None = None
     _stopping = False
     _refused_since: float | None = None
+    _settling_since: float | None = None
     _clock: MotionClock
+    _clocked: BaseState | None = None
     _limit: float | None = None
+    _limits: BaseLimits | None = None
 
     def initialise(self) -> None:
-        self._start, self._stopping, self._refused_since = None, False, None
+        self._start, self._stopping, self._refused_since, self._settling_since = None, False, None, None
         self._clock, self._limit = MotionClock(), None
 
     def update(self) -> Status:
@@ -72,7 +90,7 @@ class Motion(Leaf):
         trouble = held_up(self.robot.base) or disobeyed(steering) or self.trouble(state, steering)
         if trouble:
             return self.fail(trouble)
-        if state.settling and not self._stopping:
+        if state.settling and not self._stopping and self._may_settle():
             self._clock.stop()
             return self.wait("waiting for the drift of the gyro to be known")
         override = overriding(steering)
@@ -93,20 +111,43 @@ class Motion(Leaf):
         return status
 
     def seconds_needed(self, state: BaseState, start: Pose2D) -> float | None:
-        """Return how long it can take from here on; None for a motion that goes on until it is halted."""
+        """Return how long it can take from ``state`` on; None for a motion that goes on until it is halted.
+
+        Called with the state in which its clock began, and again with the same one when the base's limits change.
+        """
         del state, start
         return None
 
+    def _may_settle(self) -> bool:
+        """Return whether there is time left to wait for the drift of the gyro."""
+        now = self.run.now()
+        if self._settling_since is None:
+            self._settling_since = now
+        return now - self._settling_since <= SETTLING_LIMIT
+
     def _overdue(self, state: BaseState, steering: Steering) -> str:
-        """Say that it takes longer than it can take, or nothing."""
+        """Say that it takes longer than it can take, or nothing.
+
+        When the limits of the base change, so does the time limit; the share of it that is spent stays spent, so no
+        series of changes keeps a motion alive.
+        """
         if self._start is None:
             return ""
-        if self._limit is None:
-            seconds = self.seconds_needed(state, self._start)
-            self._limit = math.inf if seconds is None else limit_of(seconds)
+        limits = self.robot.base.limits
+        if self._limit is None or self._clocked is None:
+            self._clocked, self._limits = state, limits
+            self._limit = self._time_limit(state, self._start)
+        elif limits != self._limits:
+            self._limits, before = limits, self._limit
+            self._limit = self._time_limit(self._clocked, self._start)
+            self._clock.scale(before, self._limit)
         if self._clock.run(self.run.now(), steering) <= self._limit:
             return ""
         return f"not done within its time limit of {self._limit:.0f} s"
+
+    def _time_limit(self, state: BaseState, start: Pose2D) -> float:
+        seconds = self.seconds_needed(state, start)
+        return math.inf if seconds is None else limit_of(seconds)
 
     @property
     def way(self) -> Way:

@@ -1,4 +1,6 @@
-"""The time limit of a motion: the time that it can take plus a margin, on a clock that stops while it is held up."""
+"""The time limit of a motion: the time that it can take plus a margin, on a clock that slows while it is held up."""
+
+from math import isfinite
 
 from drivers.api import BaseLimits, Steering, Velocity
 
@@ -6,7 +8,7 @@ MARGIN_SHARE, MARGIN = 1.5, 5.0
 """A motion may take so many times as long as it can take, and so many seconds more."""
 
 LONGEST_TICK = 1.0
-"""Seconds between two ticks that count at most: a run that is paused is not ticked."""
+"""Seconds between two ticks that count at most: a run that is paused is not ticked, so a pause counts as one second."""
 
 NO_PROGRESS_LIMIT = 30.0
 """Seconds for which a motion that a node of ROS 2 does may stand still. Nav2 gives up after 10 s by itself."""
@@ -45,6 +47,11 @@ class MotionClock:
     def stop(self) -> None:
         """Stand still until the next ``run``: a person has the wheels, or nothing is known of the base."""
         self._at = None
+
+    def scale(self, before: float, limit: float) -> None:
+        """Keep the share that is spent of a limit when it changes from ``before`` to ``limit`` seconds."""
+        if isfinite(before) and isfinite(limit):
+            self.spent *= limit / before
 
     def run(self, now: float, steering: Steering) -> float:
         """Go on until ``now``, as fast as the base may of what is wanted; return the seconds spent."""

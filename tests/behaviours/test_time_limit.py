@@ -7,7 +7,7 @@ import pytest
 from behaviours.docking import Dock
 from behaviours.driving.arc import Arc
 from behaviours.driving.go_to import GoTo
-from behaviours.driving.motion import Motion
+from behaviours.driving.motion import SETTLING_LIMIT, Motion
 from behaviours.driving.stop import STOP_LIMIT, Stop
 from behaviours.driving.straight import Drive
 from behaviours.driving.time_limit import MARGIN, NO_PROGRESS_LIMIT, limit_of, seconds_to_drive
@@ -89,6 +89,52 @@ def test_its_clock_is_as_slow_as_the_base_is_made() -> None:
     limit = limit_of(seconds_to_drive(0.5, 0.2, bench.base.limits))
     bench.base.steers = Steering(Source.MISSION, AHEAD, Velocity(0.05, 0.0), "something is in the way, 0.4 m ahead")
     assert seconds_to_end(bench, leaf) == pytest.approx(4 * limit, rel=0.02)
+
+
+@pytest.mark.parametrize("number", [0, 1, 2, 3, 4, 5, 8])
+@pytest.mark.parametrize("share", [0.3, 0.6])
+def test_the_limit_follows_a_changed_limit_of_the_base(number: int, share: float) -> None:
+    bench = Bench()
+    bench.robot = replace(bench.robot, ros2_part=None)
+    leaf, usual = bounded(bench)[number], bench.base.limits
+    slow = replace(usual, speed=0.2 * share, turn=0.4 * share)
+    bench.base.reading = good(BaseState(Pose2D(0.0, 0.0, 0.0), AHEAD))
+    whole = seconds_to_end(bench, leaf)
+    bench.base.limits = slow
+    slowly = seconds_to_end(bench, leaf, most=2000.0)
+    assert slowly > whole + 1.0
+    bench.base.limits = usual
+    for _ in range(round(whole / 2 / TICK)):
+        bench.tick(leaf, after=TICK)
+    bench.base.limits = slow
+    assert seconds_to_end(bench, leaf, most=2000.0) == pytest.approx(slowly / 2, abs=0.5)
+    assert leaf.status is FAILURE
+
+
+def test_a_limit_that_changes_on_and_on_keeps_no_motion_alive() -> None:
+    bench = Bench()
+    leaf, usual = bounded(bench)[0], bench.base.limits
+    bench.base.reading = good(BaseState(Pose2D(0.0, 0.0, 0.0), AHEAD))
+    status, began = bench.tick(leaf), bench.clock.now()
+    while status is RUNNING:
+        bench.base.limits = replace(usual, speed=0.1 if bench.base.limits == usual else usual.speed)
+        status = bench.tick(leaf, after=TICK)
+        assert bench.clock.now() - began < limit_of(seconds_to_drive(0.5, 0.1, usual))
+
+
+@pytest.mark.parametrize("number", range(6))
+def test_a_motion_waits_for_the_gyro_for_a_while_only(number: int) -> None:
+    bench = Bench()
+    bench.robot = replace(bench.robot, ros2_part=None)
+    bench.base.reading = good(BaseState(Pose2D(0.0, 0.0, 0.0), STILL, settling=True))
+    leaf = bounded(bench)[number]
+    bench.tick(leaf)
+    assert leaf.reason == "waiting for the drift of the gyro to be known"
+    assert bench.base.commands == []
+    for _ in range(round((SETTLING_LIMIT + 0.5) / TICK)):
+        bench.tick(leaf, after=TICK)
+    assert bench.base.commands != []
+    assert seconds_to_end(bench, leaf) > MARGIN
 
 
 def test_stop_fails_on_a_base_that_goes_on() -> None:
