@@ -161,7 +161,7 @@ class RunCommand(MissionCommand):
 )
 @click.option("--ros2-router", metavar="ADDRESS", help="Where, instead of the robot's router: tcp/127.0.0.1:7447.")
 @click.option("--ros2-domain", type=Whole(0, 232), help="The domain of ROS 2, instead of what the robot file says.")
-@click.option("--without-stop", is_flag=True, help="Move a robot although `mission stop` cannot reach the run.")
+@click.option("--without-stop", is_flag=True, help="Move the robot even if `mission stop` cannot reach the run.")
 @studio_option
 @leash_option
 @click.option("--json", "as_json", is_flag=True, help="End with one line of JSON on stdout; the rest goes to stderr.")

@@ -85,10 +85,7 @@ class ControlSocket:
     def __enter__(self) -> Self:
         for end in (self._waker, self._wake_end):
             end.setblocking(False)
-        self._endpoint.turn(self._clock.now())
-        if not self._endpoint.listeners:
-            self._hang_up()
-            return self
+        self._endpoint.turn(self._clock.now())  # without a listener too: it may get one later, and a signal ends it
         self._selector.register(self._waker, selectors.EVENT_READ)
         self.outlet.wake = self._pictures.wake = self._wake
         self._thread = Thread(target=self._serve, name="control", daemon=True)

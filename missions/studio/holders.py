@@ -11,7 +11,7 @@ from missions.studio import abstract
 from missions.studio.notes import Notes
 
 WITHOUT_STOP = "MISSION_WITHOUT_STOP"
-"""The variable by which a user lets robots move although `mission stop` cannot reach what moves them."""
+"""Environment variable: `yes` lets a robot move even if `mission stop` cannot reach the process that moves it."""
 
 
 class NoStop(DriverError):
@@ -29,10 +29,9 @@ def noted(name: str, robot: str, simulated: str = "") -> Iterator[Notes]:
     with ExitStack() as closing:
         closing.callback(notes.close)
         errors = list[OSError]()
+        closing.enter_context(_held(simulated=bool(simulated)))
         try:
             known = abstract.name_of(run, "command", simulated=bool(simulated))
-            with suppress(OSError):  # an old kernel: that is one way of several
-                closing.callback(os.close, abstract.hold(known))
             closing.callback(abstract.mark(known).close)
         except OSError as error:
             errors.append(error)
@@ -43,6 +42,16 @@ def noted(name: str, robot: str, simulated: str = "") -> Iterator[Notes]:
                 raise
             errors.append(error)
         yield notes
+
+
+@contextmanager
+def _held(*, simulated: bool) -> Iterator[None]:
+    """Have a command known by a file in memory while this is entered, if the kernel has those: one way of several."""
+    with ExitStack() as closing:
+        with suppress(OSError):
+            name = abstract.name_of(str(os.getpid()), "command", simulated=simulated)
+            closing.callback(os.close, abstract.hold(name))
+        yield
 
 
 @contextmanager
@@ -61,7 +70,8 @@ def holding(robot: str, *, simulated: bool) -> Iterator[None]:
         except OSError as error:  # such as a full disk: its terminal, and signals, stop it
             require_stop(f"{error}", simulated=simulated)
             click.echo(f"mission: {error}: `mission stop` cannot reach this command", err=True)
-            yield
+            with _held(simulated=simulated):
+                yield
             return
         try:
             yield
@@ -70,11 +80,14 @@ def holding(robot: str, *, simulated: bool) -> Iterator[None]:
 
 
 def require_stop(trouble: str, *, simulated: bool, allowed: str = f"{WITHOUT_STOP}=yes") -> None:
-    """Raise NoStop where a robot would move although no stop reaches what moves it, unless the user allows that.
+    """Raise NoStop if a robot would move that no stop reaches, unless the user allows that: with `yes` alone.
 
     ``allowed`` is what to type for that.
     """
-    if not simulated and os.environ.get(WITHOUT_STOP, "") in ("", "no"):
+    value = os.environ.get(WITHOUT_STOP, "").strip()
+    if not simulated and value.lower() not in ("", "no", "yes"):
+        raise NoStop(f"{trouble}; {WITHOUT_STOP}={value} is neither yes nor no", hint=f"{WITHOUT_STOP}=yes, or =no")
+    if not simulated and value.lower() != "yes":
         what = f"{trouble}: `mission stop` could not stop this, so no robot is moved"
         hint = f"XDG_STATE_HOME=FOLDER that can be written; or, with a hand at the robot's own switch: {allowed}"
         raise NoStop(what, hint=hint)

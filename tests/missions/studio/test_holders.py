@@ -199,13 +199,19 @@ def test_a_command_that_no_stop_reaches_moves_a_robot_only_where_the_user_allows
     def look(simulated: bool) -> None:
         with holders.holding("turtlebot2", simulated=simulated):
             done.append("looked")
+            assert [each.is_command for each in found_of(os.getpid())] == [True]  # a signal of the same user ends it
 
     with pytest.raises(holders.NoStop) as raised:
         look.main([], standalone_mode=False)
     assert holders.WITHOUT_STOP in raised.value.hint
     assert done == []
     look.main(["--simulated"], standalone_mode=False)
-    monkeypatch.setenv(holders.WITHOUT_STOP, "yes")
+    for word in ("0", "false", "off", "No", "n", "1", "true"):
+        monkeypatch.setenv(holders.WITHOUT_STOP, word)
+        with pytest.raises(holders.NoStop) as raised:
+            look.main([], standalone_mode=False)
+        assert (f"{holders.WITHOUT_STOP}={word}" in str(raised.value)) == (word != "No")
+    monkeypatch.setenv(holders.WITHOUT_STOP, "Yes")
     look.main([], standalone_mode=False)
     assert done == ["looked"] * 2
     assert capsys.readouterr().err.count("`mission stop` cannot reach this command") == 2

@@ -1,12 +1,16 @@
 """Runs whose control socket cannot be where it usually is: another place does, and without any no robot is moved."""
 
+import errno
+import os
 from pathlib import Path
 
 import pytest
 
+from missions.runner import Runner
+from missions.studio import abstract
 from tests.missions.command import Process, command
 from tests.missions.lone_base import LONE_ROBOT, lone_base
-from tests.missions.studio.running import nowhere
+from tests.missions.studio.running import found_of, nowhere
 from tests.waiting import wait_until
 
 BRIEF = "mission: brief\ntree:\n  wait: 10 ms\n"
@@ -34,6 +38,28 @@ def test_a_simulated_run_without_any_folder_says_so_and_goes_on(
     ran = command(capsys, "run", mission_in(tmp_path), "--simulate", "fast")
     assert ran.code == 0
     assert "`mission stop` cannot reach this run" in ran.err
+
+
+def test_a_run_without_any_socket_is_still_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found: list[bool] = []
+    run = Runner.run
+
+    def look(runner: Runner) -> object:
+        found.extend(each.is_command for each in found_of(os.getpid()))
+        return run(runner)
+
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EPERM, "a system that has no abstract sockets")
+
+    nowhere(tmp_path, monkeypatch)
+    monkeypatch.setattr(abstract, "listen", refuse)
+    monkeypatch.setattr(abstract, "mark", refuse)
+    monkeypatch.setattr(Runner, "run", look)
+    ran = command(capsys, "run", mission_in(tmp_path), "--simulate", "fast")
+    assert (ran.code, found) == (0, [False])
+    assert found_of(os.getpid()) == []
 
 
 def test_a_robot_is_not_moved_where_no_stop_reaches_the_run_unless_the_user_says_so(
