@@ -4,10 +4,12 @@ Each is read back before it is handed out, so that nothing is written that its o
 """
 
 import json
+import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
 
+from config.editing import sync_folder
 from config.faults import Source
 from config.gesture import GestureConfig, gesture_of
 from config.marked import plain
@@ -35,17 +37,22 @@ def gesture_text(gesture: GestureConfig, file: str = "gesture") -> str:
 
 
 def write_new(path: Path, text: str) -> None:
-    """Write a new file. Raises FileExistsError, in words, where there is one already, and other OSErrors."""
+    """Write a new file, and wait until it is on the disk.
+
+    Raises FileExistsError, in words, where there is one already, and other OSErrors.
+    """
     try:
         with path.open("x", encoding="utf-8") as file:
             try:
                 file.write(text)
                 file.flush()
+                os.fsync(file.fileno())
             except BaseException:  # a full disk, a Ctrl-C: what was not written must not be there already next time
                 path.unlink(missing_ok=True)
                 raise
     except FileExistsError as error:
         raise FileExistsError(f"{path} is there already, and is not written over: give another name") from error
+    sync_folder(path.parent)
 
 
 def flow(*parts: Mapping[str, str]) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import click
 
-from config.editing import rewrite
+from config.editing import put_on_disk, rewrite
 from missions.library.folders import state_folder
 
 MIN_ROOM = 65_536
@@ -85,24 +85,16 @@ def save(path: Path, text: str) -> bool:
 
 
 def _put(path: Path, text: str) -> None:
-    """Write ``text`` at ``path``, which may be there. Raises OSError."""
+    """Write ``text`` at ``path``, which may be there, and wait until it is on the disk. Raises OSError."""
     target = Path(os.path.realpath(path))
     if target.exists():
         if not target.is_file():
             raise OSError(EEXIST, "it is not a regular file")
         rewrite(target, text)
         return
-    number, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name[:100]}.")
-    try:
-        with os.fdopen(number, "w", encoding="utf-8") as file:
-            file.write(text)
-        mask = os.umask(0)
-        os.umask(mask)
-        Path(name).chmod(0o666 & ~mask)
-        Path(name).replace(target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    mask = os.umask(0)
+    os.umask(mask)
+    put_on_disk(target, text.encode(), 0o666 & ~mask)
 
 
 def _why(path: Path, error: OSError) -> str:

@@ -7,11 +7,15 @@ from collections.abc import Callable, Iterator
 from errno import ENOSPC
 from math import radians, sin
 from pathlib import Path
-from typing import Self
+from stat import S_ISDIR
+from typing import Any, Self
 
 import pytest
 
+from config.editing import rewrite
+from config.writing import write_new
 from drivers.dynamixel.models import MODELS
+from drivers.dynamixel.settings import apply
 from drivers.virtual.dynamixel import VirtualServoBus
 from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.servo import VirtualServo
@@ -300,6 +304,58 @@ def test_home_changes_no_servo_whose_calibration_cannot_be_kept(
     assert '"elbow"' in saved.read_text()
 
 
+class Disk:
+    """What a power cut would leave: content and names of files as of the last ``fsync`` of each file and folder."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self._content: dict[int, bytes] = {}
+        self._names: dict[str, int] = {}
+        self._sync = os.fsync
+        patch.setattr(os, "fsync", self._fsync)
+
+    def _fsync(self, number: int) -> None:
+        self._sync(number)
+        found, path = os.fstat(number), f"/proc/self/fd/{number}"
+        if S_ISDIR(found.st_mode):
+            self._names |= {each.path: each.stat().st_ino for each in os.scandir(Path(path).readlink())}
+        else:
+            self._content[found.st_ino] = Path(path).read_bytes()
+
+    def read(self, path: Path) -> bytes:
+        """Return the content of a file after a power cut; nothing where its name or its content is lost."""
+        return self._content.get(self._names.get(str(path.absolute()), -1), b"")
+
+
+@pytest.mark.parametrize("anew", [True, False])
+def test_a_calibration_is_on_the_disk_before_any_servo_is_changed(
+    arm: VirtualServo, run: Run, monkeypatch: pytest.MonkeyPatch, anew: bool
+) -> None:
+    files = [Path("found.json"), Path("found.servos.json")]
+    if not anew:
+        files[0].write_text(CALIBRATION)
+    disk, kept = Disk(monkeypatch), list[bool]()
+
+    def apply_after_look(*words: Any) -> bool:
+        kept.extend(disk.read(each) == each.read_bytes() for each in files)
+        return apply(*words)
+
+    monkeypatch.setattr(sys.modules[Homed.__module__], "apply", apply_after_look)
+    monkeypatch.setattr(Homed, "trouble", lambda *_: "")
+    outcome = run("servo home elbow --robot two.yaml --into found.json --seconds 0.2 --yes")
+    assert (outcome.code, kept) == (0, [True, True]), outcome.err
+    assert arm.get("max_position") != 4095
+    if not anew:
+        assert disk.read(Path("found.json.bak")) == Path("found.json.bak").read_bytes()
+
+
+def test_robot_files_are_on_the_disk_once_they_were_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    disk, path = Disk(monkeypatch), tmp_path / "mine.yaml"
+    write_new(path, "robot: mine\n")
+    assert disk.read(path) == b"robot: mine\n"
+    rewrite(path, "robot: other\n")
+    assert disk.read(path) == b"robot: other\n"
+
+
 # Restoring
 
 CALIBRATION = (
@@ -337,6 +393,70 @@ def test_a_restore_refuses_a_calibration_of_other_servos(
     assert words in outcome.err
     assert settings(arm) == [0, 0, 4095]
     assert not arm.limp
+
+
+def break_origin(how: str) -> None:
+    """Leave a file of origins that does not say which servos were calibrated."""
+    file, entry = Path("found.servos.json"), {"model_number": 777, "firmware": 2563}
+    whole = origin.text({"elbow": entry, "jaw": entry})
+    broken = {
+        "empty": "",
+        "truncated": whole[:40],
+        "zeros": "\0" * len(whole),
+        "list": "[1]",
+        "no servos": "{}",
+        "entry without settings": '{"elbow": {}}',
+        "entry that is none": '{"elbow": 7}',
+        "entry without firmware": '{"elbow": {"model_number": 777}}',
+        "words for numbers": whole.replace("777", '"777"'),
+        "truth for a number": whole.replace("777", "true"),
+        "brackets": "[" * 100_000,
+        "too large": whole + " " * origin.LARGEST,
+    }
+    if how == "folder":
+        file.mkdir()
+    elif how == "pipe":
+        os.mkfifo(file)
+    elif how == "link into nowhere":
+        file.symlink_to("nowhere.json")
+    elif how == "no text":
+        file.write_bytes(b"\xff\xfe")
+    else:
+        file.write_text(broken[how])
+
+
+BREAKS = [
+    *("empty", "truncated", "zeros", "list", "no servos", "entry without settings", "entry that is none"),
+    *("entry without firmware", "words for numbers", "truth for a number", "brackets", "too large", "folder", "pipe"),
+    *("link into nowhere", "no text"),
+]
+
+
+@pytest.mark.parametrize("how", BREAKS)
+def test_a_restore_with_an_origin_that_cannot_be_read_is_refused(arm: VirtualServo, run: Run, how: str) -> None:
+    Path("found.json").write_text(CALIBRATION)
+    break_origin(how)
+    outcome = run(RESTORE)
+    assert (outcome.code, "found.servos.json: it is not known of which servos" in outcome.err) == (3, True), outcome.err
+    assert "--other-servos" in outcome.err
+    assert settings(arm) == [0, 0, 4095]
+    assert not arm.limp
+    assert run(f"{RESTORE} --other-servos").code == 0
+    assert settings(arm) == [0, 1000, 3000]
+
+
+@pytest.mark.parametrize("how", [each for each in BREAKS if each not in ("folder", "pipe", "link into nowhere")])
+def test_home_keeps_an_origin_that_cannot_be_read_and_lets_nothing_go_limp(
+    arm: VirtualServo, run: Run, how: str
+) -> None:
+    Path("found.json").write_text(CALIBRATION)
+    break_origin(how)
+    before = Path("found.servos.json").read_bytes()
+    outcome = run("servo home elbow --robot two.yaml --into found.json --seconds 0.2 --yes")
+    assert (outcome.code, "mv found.servos.json found.servos.json.bad" in outcome.err) == (3, True), outcome.err
+    assert not arm.limp
+    assert Path("found.servos.json").read_bytes() == before
+    assert Path("found.json").read_text() == CALIBRATION
 
 
 def test_a_restore_refuses_servos_with_other_firmware_or_settings(arm: VirtualServo, run: Run) -> None:

@@ -70,7 +70,7 @@ STEPS: tuple[tuple[str, Velocity, float], ...] = (
 class TryBase(Leaf):
     """Move the base a little, each movement bounded in time and in what is commanded; note what is measured.
 
-    Running for 10 s, then succeeds. Fails when the base does not report, and while it is stopped.
+    Running for 8 s, then succeeds. Fails when the base does not report, and while it is stopped.
     """
 
     word = "try_base"

@@ -108,6 +108,7 @@ def home(
     require_terminal(seconds)
     for each in (file, origin_file(file)):
         check_writable(each, "--into")
+    origin.load(file)  # before anything goes limp: where it cannot be read, the origins of other joints would be lost
     kept = dict(load(path)) if file.exists() else {}
     with opened_bus(target) as bench:
         found = _turned(bench, bench.chosen(joints), seconds, yes=yes)
@@ -142,8 +143,8 @@ def _restore(bench: Bench, file: Path, joints: Sequence[Joint], *, yes: bool, ot
     for joint in joints:
         bench.require_sole(joint)
     wanted = {joint: known[joint.name] for joint in joints}
-    before, now = origin.load(file), origin.settings_of(bench.bus, joints)
     if not other_servos:
+        before, now = origin.load(file), origin.settings_of(bench.bus, joints)
         origin.require_same_models(before, now)
         _settle_doubts(origin.doubts(bench.bus, wanted, before, now), yes=yes)
     plans = _plan(bench, wanted)
@@ -169,12 +170,12 @@ def _save(
     bench: Bench, file: Path, kept: Mapping[str, MotorCalibration], new: Mapping[Joint, MotorCalibration]
 ) -> bool:
     """Keep what was measured, before any servo is changed, and which servos it is of."""
+    settings = {**origin.load(file), **origin.settings_of(bench.bus, new)}
     if kept:
         save(free(file), text(kept))
     if not save(file, text({**kept, **{joint.name: each for joint, each in new.items()}})):
         return False
     click.echo(f"written into {file}")
-    settings = {**origin.load(file), **origin.settings_of(bench.bus, new)}
     return save(origin_file(file), origin.text(settings))
 
 

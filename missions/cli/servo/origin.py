@@ -5,13 +5,15 @@ not change, and the place where the servo stands has to lie within the range tha
 """
 
 import json
+import shlex
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from stat import S_ISREG
 from typing import Any
 
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
-from drivers.errors import DeviceFault
+from drivers.errors import BadRequest, DeviceFault
 from drivers.feetech.calibration import LAST, MotorCalibration
 
 CALIBRATED = ("position_offset", "min_position", "max_position")
@@ -19,6 +21,9 @@ CALIBRATED = ("position_offset", "min_position", "max_position")
 
 NOT_COMPARED = (*CALIBRATED, "baud")
 """The registers that do not tell one servo from another; the wrong rate would have been silence."""
+
+IDENTITY = ("model_number", "firmware")
+"""The registers that no setting changes."""
 
 PLACE_SLACK = 60
 """Steps (5 degrees) by which a joint may stand beyond the ends that were touched."""
@@ -51,21 +56,47 @@ def text(settings: Settings) -> str:
 
 
 def load(path: Path) -> Settings:
-    """Read the file; nothing where there is none, or none of ours: LeRobot's calibrations have none."""
+    """Read the file; return no settings if there is no file: LeRobot's calibrations have none.
+
+    Raises BadRequest for a file that cannot be read or has not the form of ``text``, so that no damage to it switches
+    the comparison off.
+    """
     file = origin_file(path)
     try:
-        if not file.is_file() or file.stat().st_size > LARGEST:
-            return {}
-        told: Any = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        file.lstat()
+    except FileNotFoundError:
         return {}
-    if not isinstance(told, dict):
-        return {}
-    return {
-        str(name): {str(word): value for word, value in each.items() if isinstance(value, int)}
-        for name, each in told.items()
-        if isinstance(each, dict)
-    }
+    except OSError as error:
+        raise _unreadable(file, error) from error
+    try:
+        found = file.stat()
+        if not S_ISREG(found.st_mode) or found.st_size > LARGEST:  # a pipe would be waited for
+            raise ValueError(f"not a regular file of at most {LARGEST} bytes")
+        return _checked(json.loads(file.read_text(encoding="utf-8")))
+    except (OSError, ValueError, RecursionError) as error:
+        raise _unreadable(file, error) from error
+
+
+def _checked(content: Any) -> Settings:
+    """Return the content of a file as settings. Raises ValueError."""
+    if not isinstance(content, dict) or not content:
+        raise ValueError("no servos in it")
+    for name, each in content.items():
+        if not isinstance(each, dict) or not all(type(value) is int for value in each.values()):
+            raise ValueError(f"'{name:.40}' has no settings of a servo")
+        if missing := [word for word in IDENTITY if word not in each]:
+            raise ValueError(f"'{name:.40}' has no {', '.join(missing)}")
+    return content
+
+
+def _unreadable(file: Path, error: Exception) -> BadRequest:
+    why = (error.strerror if isinstance(error, OSError) else None) or str(error)
+    name, bad = shlex.quote(str(file)), shlex.quote(f"{file}.bad")
+    return BadRequest(
+        f"{file}: it is not known of which servos the calibration is: {why}",
+        hint=f"mission servo home --restore --other-servos  restores without the comparison; "
+        f"before you calibrate anew: mv {name} {bad}",
+    )
 
 
 def require_same_models(before: Settings, now: Settings) -> None:
@@ -74,7 +105,7 @@ def require_same_models(before: Settings, now: Settings) -> None:
         f"{name}: {word.replace('_', ' ')} {now[name][word]}, the calibration is of {value}"
         for name, settings in before.items()
         for word, value in settings.items()
-        if name in now and word in ("model_number", "firmware") and now[name].get(word) != value
+        if name in now and word in IDENTITY and now[name].get(word) != value
     ]
     if wrong:
         raise DeviceFault(

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from math import isclose, radians
 from pathlib import Path
 
-from config.editing import NotEditableError, require_own, rewrite, with_value
+from config.editing import NotEditableError, put_on_disk, require_own, rewrite, with_value
 from config.faults import InvalidFileError, Source
 from config.marked import read_source
 from config.robot import RobotConfig
@@ -67,7 +67,7 @@ def keep_ranges(path: Path, ranges: Mapping[str, Range], part: str = "arm") -> P
             f"{path}: it is written in a way that cannot be changed here; write the figures yourself"
         )
     kept = free(path)
-    kept.write_bytes(path.read_bytes())
+    put_on_disk(kept, path.read_bytes(), path.stat().st_mode)
     rewrite(path, text)
     return kept
 

@@ -1,11 +1,12 @@
 """The stop of a fleet, kept on the disk: a robot that was stopped is stopped after it was switched on again."""
 
-import errno
 import json
 import os
 from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
+
+from config.editing import sync_folder
 
 FILE = "fleet_stop.json"
 
@@ -64,11 +65,4 @@ class FleetLatch:
             file.flush()
             os.fsync(file.fileno())
         new.replace(self._path)
-        folder = os.open(new.parent, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            os.fsync(folder)
-        except OSError as error:
-            if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # a file system that cannot do this for folders
-                raise
-        finally:
-            os.close(folder)
+        sync_folder(new.parent)
