@@ -45,6 +45,9 @@ NARROW = 0.21
 
 MAX_POINTS = 720
 
+MAX_MOVED = 24
+"""Points of a scan that have moved which are remembered at most: with 720 of them, a scan would cost 50 ms."""
+
 
 @dataclass(frozen=True, slots=True)
 class PlacedScan:
@@ -117,29 +120,25 @@ class SeenPoints:
         came = np.flatnonzero(inside & (seen[np.where(inside, index, 0)] > distance + noise))
         if not len(came):
             return speeds
-        dx = placed.points_x[came, None] - before.points_x
-        dy = placed.points_y[came, None] - before.points_y
-        away = np.sqrt(dx * dx + dy * dy)
-        moves = away.min(axis=1) > noise[came]  # else it is the edge of what was there before
+        away = _squares(placed.points_x[came], placed.points_y[came], before.points_x, before.points_y)
+        moves = np.sqrt(away.min(axis=1)) > noise[came]  # else it is the edge of what was there before
         # It was at a point of the earlier scan that is empty now; what is there still was something else.
-        gone = ~_still_seen(placed, before.points_x, before.points_y, turning)
-        moved = np.where(gone, away, np.inf).min(axis=1)
+        away[:, _still_seen(placed, before.points_x, before.points_y, turning)] = np.inf
+        moved = np.sqrt(away.min(axis=1))
         speeds[came] = np.where(moves, np.minimum((moved + noise[came]) / past, MAX_SPEED), 0.0)
         return speeds
 
     def _inherited(self, placed: PlacedScan, speeds: Floats, now: float) -> Floats:
         """Return the speeds of new points, with those of what has moved there lately."""
-        found = speeds
-        for at, x, y, known in self._moved:
-            if now - at <= MOVING_FOR:
-                dx, dy = placed.points_x[:, None] - x, placed.points_y[:, None] - y
-                near = dx * dx + dy * dy <= MOVING_NEAR * MOVING_NEAR
-                found = np.maximum(found, np.where(near, known, 0.0).max(axis=1))
         while self._moved and now - self._moved[0][0] > MOVING_FOR:
             self._moved.popleft()
+        found = speeds
+        if self._moved and len(speeds):
+            x, y, known = (np.concatenate(each) for each in list(zip(*self._moved, strict=True))[1:])
+            near = _squares(placed.points_x, placed.points_y, x, y) <= MOVING_NEAR * MOVING_NEAR
+            found = np.maximum(found, (near * known.astype(np.float32)).max(axis=1))
         if speeds.any():
-            moves = np.flatnonzero(speeds)
-            self._moved.append((now, placed.points_x[moves], placed.points_y[moves], speeds[moves]))
+            self._moved.append((now, *_representatives(placed, speeds)))
         return found
 
     def _kept(self, placed: PlacedScan, now: float) -> npt.NDArray[np.bool_]:
@@ -162,6 +161,32 @@ def _beams(placed: PlacedScan, x: Floats, y: Floats) -> tuple[npt.NDArray[np.int
     scan = placed.scan
     around = np.remainder(np.arctan2(dy, dx) - placed.heading - scan.start + scan.step / 2, tau)
     return (around / scan.step).astype(np.intp), np.hypot(dx, dy)
+
+
+def _squares(x: Floats, y: Floats, other_x: Floats, other_y: Floats) -> npt.NDArray[np.float32]:
+    """Return the squared distances of n points from m others: shape (n, m)."""
+    # In float32, and from a point near by, in which that is exact to a millimetre: these are the costly arrays.
+    middle_x, middle_y = float(x.mean()), float(y.mean())
+    across = (x - middle_x).astype(np.float32)[:, None] - (other_x - middle_x).astype(np.float32)
+    along = (y - middle_y).astype(np.float32)[:, None] - (other_y - middle_y).astype(np.float32)
+    across *= across
+    along *= along
+    across += along
+    return across
+
+
+def _representatives(placed: PlacedScan, speeds: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return ``MAX_MOVED`` points at most of those that move: of neighbours the nearest to the finder, at their speed.
+
+    Their speed is that of the fastest.
+    """
+    moves = np.flatnonzero(speeds)
+    several = -(-len(moves) // MAX_MOVED)
+    padded = np.append(moves, np.full(-len(moves) % several, moves[-1])).reshape(-1, several)
+    x, y = placed.points_x[padded], placed.points_y[padded]
+    nearest = np.hypot(x - placed.x, y - placed.y).argmin(axis=1)
+    rows = np.arange(len(padded))
+    return x[rows, nearest], y[rows, nearest], speeds[padded].max(axis=1)
 
 
 def _noise(distance: Floats, turning: float) -> Floats:
