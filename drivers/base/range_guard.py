@@ -16,6 +16,7 @@ from drivers.api import STILL, DeviceStatus, Ranger, RangeScan, Report, Velocity
 from drivers.api.range_guard import IN_THE_WAY, MIN_GAP, OUT_OF_SIGHT, SCANS_LATE, SCANS_MISSING
 from drivers.base.footprint import Floats, Outline, PathPoses
 from drivers.base.limits import Limits
+from drivers.base.scan_check import flaw_of
 from drivers.base.seen_points import Placed, SeenPoints
 from drivers.history import History
 
@@ -35,8 +36,8 @@ SPACING, MAX_STATIONS = 0.02, 48
 """Metres between the places of the path at which the body is looked at, and how many there are at most."""
 
 NOISE, GRAZING = 0.005, 0.15
-"""Metres by which a thing that the base passes may seem to come nearer on the next so many metres, as a wall beside it
-does, and be nearer than the gap: down to ``MIN_GAP``."""
+"""Metres by which a wall beside the base may seem nearer by noise, and metres of path on which that is allowed: such a
+wall may be nearer than the gap, down to ``MIN_GAP``."""
 
 OWN_PARTS = 0.02
 """Metres inside of the outline from which on a point is a part of the robot."""
@@ -45,7 +46,8 @@ START_SPEED, LEAST_SPEED = 0.03, 0.008
 """m/s that must be free for a base to start after it was stopped, and below which it stops."""
 
 DOCKING_SPEED = 0.06
-"""m/s up to which a base that hears the near beams of its dock may touch it."""
+"""m/s ahead, of what is sent and of what is wanted, up to which a base that hears the near beams of its dock may touch
+it."""
 
 SHARES = (1.0, 0.85, 0.7, 0.55, 0.42, 0.32, 0.24, 0.18, 0.13, 0.09, 0.06, 0.04, 0.0)
 """Shares of the speed that are tried where something moves."""
@@ -111,7 +113,7 @@ class RangeGuard:
         if share >= 1.0:
             self.stops = False
             return going, ""
-        if 0.0 < wanted.linear <= DOCKING_SPEED and self._near_dock():
+        if 0.0 < wanted.linear <= DOCKING_SPEED and 0.0 < going.linear <= DOCKING_SPEED and self._near_dock():
             self.stops = False
             return going, ""
         self.stops = share == 0.0
@@ -137,6 +139,9 @@ class RangeGuard:
             self._failure = f": {str(error) or type(error).__name__}"
             return inf
         if scan is not None and scan is not self._scan:
+            if flaw := flaw_of(scan):
+                self._failure = f": {flaw}"
+                return inf
             pose = self._poses.at(scan.stamp)
             if pose is not None:
                 self._points.add(scan, _placed(pose), now)

@@ -3,14 +3,16 @@
 import subprocess
 import sys
 from math import cos, hypot, pi, radians, remainder, sin
-from time import perf_counter
+from time import perf_counter, process_time
 
 import numpy as np
 import pytest
 
-from drivers.api import Pose2D, Sides, Source, Velocity, is_guarded
+from drivers.api import Pose2D, RangeScan, Sides, Source, Velocity, is_guarded
 from drivers.api.range_guard import IN_THE_WAY, OUT_OF_SIGHT, SCANS_LATE, SCANS_MISSING, RangeGuardKeys
 from drivers.base.footprint import Disc, PathPoses, Polygon
+from drivers.base.range_guard import RENEWAL
+from drivers.base.seen_points import SeenPoints
 from drivers.sim.people import Person
 from drivers.sim.room import Room
 from drivers.sim.things import Box
@@ -303,6 +305,20 @@ def test_a_base_that_hears_the_near_beams_of_its_dock_may_touch_it_gently(
     assert (room.clear() < 0.005) is arrives
 
 
+@pytest.mark.parametrize("wanted", [0.05, 0.06])
+@pytest.mark.parametrize("going", [0.4, 0.2, 0.08, -0.4, -0.05])
+def test_near_its_dock_a_base_that_is_still_fast_or_backs_off_is_guarded(
+    going: float, wanted: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    room = GuardedBase(hall_with((0.29, 0.0), (-0.29, 0.0)))  # 6 cm from its rim, on both sides
+    guard = room.base._mux.guard
+    assert guard is not None
+    monkeypatch.setattr(guard, "_near_dock", lambda: True)
+    sent, why = guard.limit(Velocity(going, 0.0), Velocity(wanted, 0.0), room.base._mux._limits, room.now)
+    assert abs(sent.linear) < min(abs(going), 0.06)
+    assert why.startswith(IN_THE_WAY)
+
+
 # --- what it costs ----------------------------------------------------------------------------------------------------
 
 
@@ -326,6 +342,23 @@ def test_a_renewal_costs_less_than_a_third_of_a_millisecond() -> None:
         guard.limit(Velocity(0.4, 0.8), Velocity(0.5, 1.0), limits, room.now)
         times.append(perf_counter() - begun)
     assert sorted(times)[len(times) // 2] < 0.0003
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("crowd", [False, True])
+def test_a_scan_costs_less_than_a_third_of_a_renewal_however_much_moves(crowd: bool) -> None:
+    points, bearings, times = SeenPoints((0.0, 0.0, 0.0)), 2 * pi * np.arange(720) / 720, []
+    for number in range(40):
+        # A base whose wheels slip sees everything come nearer; a crowd comes from all sides.
+        ranges = 4.0 + 0.5 * np.sin(3 * bearings) - 0.06 * (number % 30)
+        if crowd:
+            ranges = np.where(bearings % 0.3 < 0.26, 5.0 - 0.08 * ((number + bearings // 0.3 * 3) % 45), 6.0)
+        scan = RangeScan(ranges.astype(np.float32), 0.0, 2 * pi / 720, number * 0.1, number, 0.1, 12.0)
+        begun = process_time()
+        points.add(scan, (0.0, 0.0, 0.0), number * 0.1)
+        times.append(process_time() - begun)
+    assert points.moving
+    assert sorted(times)[len(times) // 2] < RENEWAL / 3
 
 
 def test_open_floor_is_as_free_as_without_a_guard() -> None:
