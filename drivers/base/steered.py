@@ -1,7 +1,8 @@
 """A base that is steered by several, the same for the real Kobuki and its twin: commands, latch, and what it tells."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from threading import RLock
 from typing import Protocol, TypedDict, Unpack
 
@@ -42,7 +43,8 @@ NEAR_BEAMS = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
 class Settings(TypedDict, total=False):
     """Speeds in m/s and rad/s, accelerations in m/s^2 and rad/s^2 (braking is 1.2 times as hard); and who is told.
 
-    ``changed`` is called whenever a contact or button changes, ``steered`` with whatever is new of who commands.
+    ``changed`` is called whenever a contact, a hazard or a button changes, ``steered`` with each change of who commands
+    or of what came of it.
     ``guard`` are the keys of its section, for its range guard.
     """
 
@@ -68,7 +70,7 @@ class Told(Protocol):
 
     @property
     def changed(self) -> Callable[[], None]:
-        """Told that a contact or button has changed."""
+        """Told that a contact, a hazard or a button has changed."""
         ...
 
     @property
@@ -163,10 +165,11 @@ class SteeredBase(ABC):
         if not self.comparable:
             return
         # They import numpy, which a robot without either does not need.
+        from drivers.base.footprint import outline_of  # noqa: PLC0415
         from drivers.base.witnesses import ImuWitness, ScanWitness  # noqa: PLC0415
 
-        witnesses = self._mux.monitor.witnesses
-        witnesses += [] if ranger is None else [ScanWitness(ranger)]
+        witnesses, keys = self._mux.monitor.witnesses, self._guard_keys or BaseKeys()
+        witnesses += [] if ranger is None else [ScanWitness(ranger, outline_of(keys.footprint))]
         witnesses += [] if imu is None else [ImuWitness(imu)]
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
@@ -245,6 +248,17 @@ class SteeredBase(ABC):
     @abstractmethod
     def _stand(self) -> None:
         """Tell the wheels to stand, where anybody is there to be told. Does not raise NotConnected."""
+
+    @contextmanager
+    def _standing_on_error(self) -> Iterator[None]:
+        """Tell the wheels to stand if a renewal fails, for else the last speed goes on; the error is raised again."""
+        try:
+            yield
+        except NotConnected:
+            raise
+        except BaseException:  # SystemExit too, as drivers.link takes it
+            self._stand()
+            raise
 
     def _remember(self, stamp: float, pose: Pose2D) -> None:
         """Remember where the base was at ``stamp``."""

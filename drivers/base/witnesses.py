@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.api import BaseState, Imu, Pose2D, Ranger
+from drivers.api.measures import Ranges
 from drivers.api.quick import dataclass
+from drivers.base.footprint import Floats, Outline, PathPoses
 from drivers.base.motion_fault import MotionFault
 from drivers.base.motion_window import moved
-
-Floats = NDArray[np.float64]
+from drivers.base.scan_check import flaw_of
 
 INTERVAL, MAX_INTERVAL = 1.0, 2.0
 """Seconds between the two looks that are compared, at least and at most."""
@@ -30,10 +31,19 @@ CHANGE, CHANGE_SHARE = 0.08, 0.06
 """Metres, and share of the distance, by which a beam must change by the motion to tell of it."""
 
 MIN_BEAMS, MIN_BEAMS_SHARE = 20, 0.15
-"""Beams that must tell, and their share: in a corridor few do."""
+"""Beams that must tell, and their share of those that measured twice: in a corridor few do."""
+
+MIN_ANGLE = 0.7
+"""Radians that those beams cover together, at least: less may be a person or a thing that moves along with the base."""
+
+OWN_PARTS = 0.02
+"""Metres outside of the outline up to which a point is a part of the robot."""
 
 AGREE, DISAGREE = 0.8, 0.3
-"""Share of those beams that must agree with what the base does instead, and at most with what it believes."""
+"""Share of those beams that must fit another motion than the believed one, and share that may fit the believed one."""
+
+TURN_SHARE = 0.3
+"""Share of the believed turn that an IMU must see at least; as much to the other side is a turn the other way."""
 
 CONFIRMATIONS = 2
 """Scans in a row that must say so."""
@@ -52,10 +62,10 @@ class _Look:
 
 
 class ScanWitness:
-    """Compares scans of a ``ranger`` about a second apart."""
+    """Compares scans of a ``ranger`` about a second apart, without the robot's own parts in its ``outline``."""
 
-    def __init__(self, ranger: Ranger) -> None:
-        self._ranger = ranger
+    def __init__(self, ranger: Ranger, outline: Outline) -> None:
+        self._ranger, self._outline = ranger, outline
         self._looks: deque[_Look] = deque(maxlen=64)
         self._number = -1
         self._said = ""
@@ -73,7 +83,10 @@ class ScanWitness:
         if scan is None or not reading.good or scan.number == self._number:
             return None
         self._number = scan.number
-        ranges = np.where(np.isfinite(scan.ranges), scan.ranges, np.nan).astype(np.float64)
+        if flaw_of(scan) or len(scan.ranges) < MIN_BEAMS:  # the range guard reports the flaw
+            return None
+        bearings: Floats = scan.start + scan.step * np.arange(len(scan.ranges), dtype=np.float64)
+        ranges = self._outside(scan.ranges, bearings)
         look = _Look(now, state.pose, ranges)
         while self._looks and (
             now - self._looks[0].at > MAX_INTERVAL or len(self._looks[0].ranges) != len(look.ranges)
@@ -83,7 +96,6 @@ class ScanWitness:
         self._looks.append(look)
         if before is None:
             return None
-        bearings: Floats = scan.start + scan.step * np.arange(len(look.ranges), dtype=np.float64)
         said = _verdict(before, look, bearings)
         self._times = self._times + 1 if said and said == self._said else 1
         self._said = said
@@ -94,6 +106,15 @@ class ScanWitness:
         believed = f"{motion.linear:.2f} m and {degrees(motion.angular):.0f} deg"
         what = f"the base {how} {believed} in {now - before.at:.1f} s, but {said}"
         return MotionFault(what, "free its wheels; look at motors, encoders and their cables, and at the range finder")
+
+    def _outside(self, ranges: Ranges, bearings: Floats) -> Floats:
+        """Return the distances of whatever is outside of the robot; NaN where a beam hits it, or nothing."""
+        far = np.where(np.isfinite(ranges), ranges, np.nan).astype(np.float64)
+        ahead, left, _ = self._ranger.place
+        here = PathPoses(np.zeros(1), np.zeros(1), np.zeros(1))
+        clear = self._outline.clearance(ahead + far * np.cos(bearings), left + far * np.sin(bearings), here)[:, 0]
+        outside: Floats = np.where(clear > OWN_PARTS, far, np.nan)
+        return outside
 
 
 def _verdict(before: _Look, after: _Look, bearings: Floats) -> str:
@@ -106,7 +127,8 @@ def _verdict(before: _Look, after: _Look, bearings: Floats) -> str:
     opposite = _predicted(old, bearings, -motion.linear, -motion.angular)
     known = np.isfinite(old) & np.isfinite(new) & np.isfinite(expected)
     telling = known & (np.abs(expected - old) > np.maximum(CHANGE, CHANGE_SHARE * old))
-    if telling.sum() < max(MIN_BEAMS, MIN_BEAMS_SHARE * known.sum()):
+    step = abs(float(bearings[-1] - bearings[0])) / max(len(bearings) - 1, 1)
+    if telling.sum() < max(MIN_BEAMS, MIN_BEAMS_SHARE * known.sum(), MIN_ANGLE / step):
         return ""
     if _agreement(new, expected, telling) > DISAGREE:
         return ""
@@ -172,11 +194,11 @@ class ImuWitness:
         if now - since < INTERVAL or abs(believed) < IMU_TURN:
             return None
         side = 1.0 if believed > 0.0 else -1.0
-        if side * felt > DISAGREE * abs(believed):
+        if side * felt > TURN_SHARE * abs(believed):
             return None
         how = "was commanded to turn by" if state.reckoned else "measures a turn of"
         said = "turns the other way: the sides of its wheels are swapped, or the IMU is mounted upside down"
-        if side * felt > -DISAGREE * abs(believed):
+        if side * felt > -TURN_SHARE * abs(believed):
             said = "does not turn: its wheels are blocked, slip or hang in the air"
         what = f"the base {how} {degrees(believed):.0f} deg in {now - since:.1f} s, but its IMU {said}"
         return MotionFault(what, "free its wheels; look at motors, encoders and their cables")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from drivers.api import STILL, Attitude, BaseState, Pose2D, Quality, RangeScan, Reading, Velocity
+from drivers.base.footprint import Disc
 from drivers.base.progress_monitor import ProgressMonitor
 from drivers.base.reckoning import Reckoning
 from drivers.base.witnesses import ImuWitness, ScanWitness
@@ -28,16 +29,24 @@ def room(pose: Pose2D, *, open_field: bool = False) -> np.ndarray:
     return np.full(BEAMS, np.nan, np.float32) if open_field else ranges.astype(np.float32)
 
 
-def drive(velocity: Velocity, truth: Truth, *, open_field: bool = False, reckoned: bool = True) -> str:
+def drive(
+    velocity: Velocity,
+    truth: Truth,
+    *,
+    open_field: bool = False,
+    reckoned: bool = True,
+    see: Callable[[Pose2D], np.ndarray] | None = None,
+) -> str:
     """Let a base believe in its commands for 6 s, while it truly is elsewhere; return the fault, or nothing."""
     bench, monitor, believed = Bench(), ProgressMonitor(), Reckoning()
-    monitor.witnesses += [ScanWitness(bench.ranger), ImuWitness(bench.others["imu"])]
+    monitor.witnesses += [ScanWitness(bench.ranger, Disc(0.177)), ImuWitness(bench.others["imu"])]
     imu = bench.others["imu"]
     began = bench.clock.now()
     for number in range(60):
         now = bench.clock.advance(PERIOD)
         here = truth(now - began)
-        scan = RangeScan(room(here, open_field=open_field), 0.0, 2 * pi / BEAMS, now, number, 0.15, 12.0)
+        ranges = room(here, open_field=open_field) if see is None else see(here)
+        scan = RangeScan(ranges, 0.0, 2 * pi / max(len(ranges), 1), now, number, 0.15, 12.0)
         bench.ranger.reading = Reading(scan, now, Quality.GOOD)
         felt = Attitude(0.0, 0.0, here.heading, (0.0, 0.0, 0.0), (0.0, 0.0, 9.81))
         imu.attitude = lambda felt=felt, now=now: Reading(felt, now, Quality.GOOD)  # type: ignore[attr-defined]
@@ -83,3 +92,38 @@ def test_an_imu_tells_of_a_base_that_does_not_turn_or_turns_the_other_way() -> N
 
 def test_where_nothing_is_seen_nothing_is_said() -> None:
     assert drive(AHEAD, going(STILL), open_field=True) == ""
+
+
+def with_parts(scan: np.ndarray, degrees: float, distance: float) -> np.ndarray:
+    """Return a scan in which a part of the robot hides so many degrees, with noise of 5 mm."""
+    hidden = scan.copy()
+    count = round(degrees * len(scan) / 360)
+    hidden[:count] = distance + 0.005 * np.random.default_rng(2).standard_normal(count)
+    return hidden
+
+
+@pytest.mark.parametrize("degrees", [30, 60, 120, 250, 360])
+@pytest.mark.parametrize("distance", [0.05, 0.12, 0.177])
+def test_parts_of_the_robot_are_not_taken_for_a_world_that_does_not_change(degrees: float, distance: float) -> None:
+    def see(pose: Pose2D) -> np.ndarray:
+        return with_parts(room(pose, open_field=True), degrees, distance)
+
+    assert drive(AHEAD, going(AHEAD), see=see) == ""
+
+
+@pytest.mark.parametrize("degrees", [30, 60, 120])
+def test_a_base_that_stands_is_found_beside_its_own_parts(degrees: float) -> None:
+    assert "does not change" in drive(AHEAD, going(STILL), see=lambda pose: with_parts(room(pose), degrees, 0.12))
+
+
+@pytest.mark.parametrize("beams", [360, 720, 1440])
+def test_somebody_who_walks_along_is_not_a_world_that_does_not_change(beams: int) -> None:
+    def see(pose: Pose2D) -> np.ndarray:
+        del pose
+        return with_parts(np.full(beams, np.nan, np.float32), 30, 0.9)
+
+    assert drive(AHEAD, going(AHEAD), see=see) == ""
+
+
+def test_an_empty_scan_is_not_a_fault_of_the_wheels() -> None:
+    assert drive(AHEAD, going(AHEAD), see=lambda _: np.empty(0, np.float32)) == ""
