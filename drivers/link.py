@@ -213,10 +213,12 @@ class Link:
             self._gathered = data
             return self._gather
         self._gathered = b""
-        if data:
-            talker.received(data)
-        pause = talker.pulse() or 0.0
-        self._dozed = pause > 0
+        try:
+            if data:
+                talker.received(data)
+        finally:  # data that cannot be read must not keep a driver from renewing what it sends
+            pause = talker.pulse() or 0.0
+            self._dozed = pause > 0
         return pause
 
     def _complain(self, error: BaseException) -> None:

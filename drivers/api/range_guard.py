@@ -13,8 +13,9 @@ IN_THE_WAY = "something is in the way"
 SCANS_LATE = "the range finder's scans are late"
 SCANS_MISSING = "the range finder does not report"
 OUT_OF_SIGHT = "the range finder does not see that direction"
+GUARD_FAILED = "the range guard failed"
 
-_REASONS = (IN_THE_WAY, SCANS_LATE, SCANS_MISSING, OUT_OF_SIGHT)
+_REASONS = (IN_THE_WAY, SCANS_LATE, SCANS_MISSING, OUT_OF_SIGHT, GUARD_FAILED)
 
 MIN_GAP = 0.02
 """Metres: the smallest gap, which covers the noise of a range finder."""

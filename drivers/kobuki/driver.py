@@ -234,7 +234,7 @@ class KobukiBase(SteeredBase, Panel):
 
         Raises NotConnected, which tells the link to look for the port again.
         """
-        with self._lock:
+        with self._lock, self._standing_on_error():
             felt = self._latest.value if self._hears(now) else None
             if self._closing:
                 self._mux.halt()

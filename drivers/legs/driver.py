@@ -148,9 +148,18 @@ class LegsBase(Mute, SteeredBase):
     # --- whoever steps it ---------------------------------------------------------------------------------------------
 
     def step(self) -> None:
-        """Look at the joints, and tell them where to be."""
+        """Look at the joints, and tell them where to be. An error ends the walk, latches the base and is raised."""
         if not self._open:
             return
+        try:
+            self._step()
+        except BaseException as error:  # SystemExit too, as drivers.legs.loop takes it
+            with self._lock:
+                self._forget()
+                self._mux.latch(f"the walk failed: {type(error).__name__}: {error}")
+            raise
+
+    def _step(self) -> None:
         now, states = self._clock.now(), self._joints.states()
         heard = all(now - (each := states[name]).stamp <= SILENT_AFTER and each.value for name in self._legs)
         if not (heard and self._joints.health().online):

@@ -379,3 +379,29 @@ def test_arms_of_a_robot_that_is_stopped_stay_when_it_is_carried_away(legs: Legs
     attitude = Felt(0.0, 1.2)
     legs.pass_(0.2)
     arms_stay(legs)
+
+
+@pytest.mark.parametrize("part", ["_felt_now", "_take"])
+def test_an_error_in_mid_walk_leaves_the_legs_where_they_are_until_it_is_enabled(
+    legs: Legs, part: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    legs.pass_(6.23, Velocity(0.2, 0.0))
+    assert legs.base.walking
+
+    def broken(*_: object) -> None:
+        raise RuntimeError("broken")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(legs.base, part, broken)
+        with pytest.raises(RuntimeError, match="broken"):
+            legs.base.step()
+    assert legs.base.latched == "the walk failed: RuntimeError: broken"
+    legs.pass_(0.5)  # to the end of what the servos were told
+    before = legs.angles()
+    with pytest.raises(DeviceFault, match="the walk failed"):
+        legs.base.drive(Velocity(0.2, 0.0))
+    legs.pass_(1.0)
+    assert np.array_equal(legs.angles(), before)
+    legs.base.enable()
+    legs.pass_(8.0, Velocity(0.15, 0.0))
+    assert legs.base.walking

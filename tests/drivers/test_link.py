@@ -243,3 +243,14 @@ def test_a_port_that_is_lost_in_a_write_is_offline_at_once_and_still_open(rig: R
         assert not rig.is_free()
     rig.until(lambda: rig.chatter.connections == 2)
     assert len(rig.told("offline")) == 1
+
+
+def test_data_that_cannot_be_read_does_not_keep_a_driver_from_its_pulse(rig: Rig) -> None:
+    rig.open()
+    rig.chatter.at_received = raising(ValueError("broken"))
+    before = rig.chatter.pulses
+    for _ in range(20):  # a device that never pauses
+        rig.wire.take(b"x")
+        rig.timeline.run(rig.timeline.clock.now() + 0.01)
+    assert rig.chatter.pulses - before >= 5
+    assert rig.told("fault") == ["ValueError: broken"]

@@ -57,7 +57,8 @@ class BaseTwin(SteeredBase, PanelTwin):
     Limits as for ``KobukiBase``, and kept by the same code. Its pose is odometry, as the real one's: the encoders of
     ``body`` and a gyro, each report of which errs by ``gyro_noise`` rad/s (standard deviation). ``dropouts`` is the
     share 0..1 of reports that get lost. What is left to chance is drawn from ``seed``.
-    ``changed`` is called whenever a contact or button changes, ``steered`` with what is new of who commands.
+    ``changed`` is called whenever a contact, a hazard or a button changes, ``steered`` with each change of who commands
+    or of what came of it.
     Raises ValueError for values that make no sense.
     """
 
@@ -132,6 +133,10 @@ class BaseTwin(SteeredBase, PanelTwin):
         self.body.advance(now)
         if not self.plug.online:
             return
+        with self._standing_on_error():
+            self._renew(now)
+
+    def _renew(self, now: float) -> None:
         if not (self._dropouts and self._random.random() < self._dropouts):
             self._hear(now)
         elif not (self._silent or self._hears(now)):
