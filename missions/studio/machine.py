@@ -10,7 +10,7 @@ from typing import Any, Self
 from behaviours.run import log
 from drivers.clock import Clock, SystemClock
 from missions.service.fleet.body import Telemetry
-from missions.studio.searching import Found, search
+from missions.studio.searching import Doubt, Found, may_live, search
 from missions.studio.sockets import RunLink
 from missions.studio.stopping import Said, ask_all, stop_one
 
@@ -37,6 +37,7 @@ class Machine:
         self._mission, self._runs = "", False
         self._stopped_by = ""
         self._stopped: set[object] = set()  # and what is being stopped
+        self._doubts: list[Doubt] = []
         self._lock, self._over = Lock(), Event()
         self._thread = Thread(target=self._follow, name="runs", daemon=True)
 
@@ -61,7 +62,7 @@ class Machine:
             there = self._runs and bool(self._links)
             return Telemetry(
                 runs=self._runs,
-                mission=self._mission if self._runs else "",
+                mission=self._mission if there else "",
                 paused=there and bool(state.get("paused")),
                 stopped=str(state.get("stopped", "")) if there else "",
                 battery=_battery(state),
@@ -80,7 +81,11 @@ class Machine:
         said: list[Said] = []
 
         def work() -> None:
-            said.append(ask_all([{"do": "stop"}], by, found=found))
+            try:
+                said.append(ask_all([{"do": "stop"}], by, found=found))
+            except Exception:
+                self._stopped.clear()  # all are stopped anew by the thread that follows the runs
+                raise
             self._stopped -= {each.key for each, (good, _) in said[0].items() if isinstance(each, Found) and not good}
 
         thread = Thread(target=work, name="stop", daemon=True)
@@ -91,9 +96,13 @@ class Machine:
         return _summed(said[0]) if said[0] else (True, "stopped; nothing runs")
 
     def _stop_new(self, found: Found, by: str) -> None:
-        """Stop what has begun meanwhile, or was not reached; what somebody releases at the robot stays released."""
-        told = stop_one(found, by)
-        (self._stopped.discard if "trouble" in told else self._stopped.add)(found.key)
+        """Stop a run that has begun meanwhile, or was not reached; try again at the next look if that fails."""
+        is_good = False
+        try:
+            is_good = "trouble" not in stop_one(found, by)
+        finally:
+            if not is_good:
+                self._stopped.discard(found.key)
 
     def release(self, by: str, *, resume: bool) -> tuple[bool, str]:
         """See Body."""
@@ -113,19 +122,33 @@ class Machine:
 
     def _look_round(self) -> None:
         """Stop what has begun while a stop is latched, and take in what runs have told."""
-        found = search(thorough=False).found
+        result = search(thorough=False)
+        found = result.found
+        self._tell_doubts(result.doubts)
         for each in found if self._stopped_by else ():
             if each.key not in self._stopped:
-                thread = Thread(target=self._stop_new, args=(each, self._stopped_by), name="stop", daemon=True)
-                thread.start()
+                # Before its thread begins, which takes it out again if the stop fails. A release stays a release.
                 self._stopped.add(each.key)
+                thread = Thread(target=self._stop_new, args=(each, self._stopped_by), name="stop", daemon=True)
+                try:
+                    thread.start()
+                except RuntimeError:  # the system allows no more threads
+                    self._stop_new(each, self._stopped_by)
         for each in found:
             if each.key not in self._links and not each.is_command:
                 self._connect(each)
         for key in list(self._links):
             self._read(key)
+        unreached = any(each.key not in self._links and not each.is_command and may_live(each) for each in found)
         with self._lock:
-            self._runs = bool(self._links)
+            self._runs = bool(self._links) or unreached or bool(result.doubts)
+
+    def _tell_doubts(self, doubts: list[Doubt]) -> None:
+        """Log the reasons why a run may not have been found, once each time that they change."""
+        if doubts != self._doubts:
+            self._doubts = doubts
+            for each in doubts:
+                log.warning("a run may not have been found: %s", each.why)
 
     def _connect(self, found: Found) -> None:
         for where in found.addresses:

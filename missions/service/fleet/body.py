@@ -8,7 +8,7 @@ from typing import Protocol
 class Telemetry:
     """How a robot is: the mission of its newest run, and what that told last, ``age`` seconds ago; None is not known.
 
-    ``runs`` says that there is a run now. Lengths in m, angles in rad, ``battery`` 0..1.
+    ``runs`` says that there is a run now, or that this is not known. Lengths in m, angles in rad, ``battery`` 0..1.
     """
 
     runs: bool = False
