@@ -47,6 +47,9 @@ class Dock(Entrusting):
             return None
         return nodes.begin(ACTION, "irobot_create_msgs/action/Dock", "{}")
 
+    def finished(self, state: BaseState | None) -> bool:
+        return state is not None and state.docked
+
     def watch(self, state: BaseState) -> str:
         self.result = state.battery_percent
         return "it docks by itself"

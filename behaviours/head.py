@@ -72,6 +72,10 @@ class _Looking(Leaf):
         self.feedback_message = f"looks at {wanted}{unmeasured(self.robot.head)}"
         return SUCCESS
 
+    def on_pause(self) -> None:
+        super().on_pause()
+        self._arrival = Arrival()  # at rest on its way, it is not stuck
+
     def terminate(self, new_status: Status) -> None:
         if new_status is not SUCCESS:
             self.robot.head.stop()

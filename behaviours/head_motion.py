@@ -21,14 +21,18 @@ class _Swinging(Leaf):
     period: float
     _home: HeadPose | None = None  # where it looked before, and looks again in the end
     _since_home = 0.0
+    _paused_at: float | None = None
 
     def initialise(self) -> None:
-        self._home = None
+        self._home = self._paused_at = None
 
     def home(self) -> HeadPose | None:
         """Return where the head looked when it began; None as long as that is not known."""
         if self._home is None:
             self._home, self._since_home = self.robot.head.pose().value, self.run.now()
+        elif self._paused_at is not None:
+            self._since_home += self.run.now() - self._paused_at
+        self._paused_at = None
         return self._home
 
     @property
@@ -48,6 +52,10 @@ class _Swinging(Leaf):
         """Turn one axis to ``angle``, the other to where it was."""
         return self.robot.head.look(replace(home, pan=angle) if axis == "pan" else replace(home, tilt=angle))
 
+    def on_pause(self) -> None:
+        super().on_pause()
+        self._paused_at = self.run.now()
+
     def terminate(self, new_status: Status) -> None:
         if new_status is not SUCCESS:
             self.robot.head.stop()
@@ -64,6 +72,10 @@ class _Gesture(_Swinging):
     def initialise(self) -> None:
         super().initialise()
         self._arrival, self._swung = Arrival(), 0.0
+
+    def on_pause(self) -> None:
+        super().on_pause()
+        self._arrival = Arrival()
 
     def _note(self, home: HeadPose) -> None:
         """Note how far the head has turned."""

@@ -201,6 +201,10 @@ class JointMotion(Leaf):
             samples[joint] = Sample(then, joint, planned[stamp][joint], position)
         return samples
 
+    def on_pause(self) -> None:
+        if self._path is not None:
+            self.robot.arm.hold(self.moved())
+
     def terminate(self, new_status: Status) -> None:
         if new_status is not SUCCESS and self._path is not None:
             self.robot.arm.hold(self.moved())

@@ -89,6 +89,10 @@ class MoveJoints(Leaf):
             return f"{joint} does not report{why}"
         return f"{joint} stopped {degrees(abs(goal - at))} short of {degrees(goal)}{why}"
 
+    def on_pause(self) -> None:
+        if self._goals is not None:
+            self.robot.arm.hold(tuple(self.to))
+
     def terminate(self, new_status: Status) -> None:
         if new_status is not SUCCESS and self._goals is not None:
             self.robot.arm.hold(tuple(self.to))
@@ -138,6 +142,9 @@ class Torque(Leaf):
         if now - self._asked_at > CONFIRMED:
             return self.fail(f"{', '.join(wrong)} did not become {wanted}")
         return self.wait(f"waiting for {', '.join(wrong)} to be {wanted}")
+
+    def on_pause(self) -> None:
+        pass  # nothing moves, and a joint that was made limp is not to stiffen in a hand
 
     def terminate(self, new_status: Status) -> None:
         # Where one did not become limp, the others are not to fight the hands that are on them.

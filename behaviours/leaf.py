@@ -46,7 +46,8 @@ class Leaf(Stopping):
     It implements py_trees' ``initialise``, ``update`` and ``terminate``: a leaf that moved something stops it in
     ``terminate`` unless it succeeded; of one without a ``terminate``, what it drives is stopped for it when it fails or
     is halted. ``initialise`` is called again while it raises NotConnected; once it was called,
-    ``terminate`` follows, whether it got to its end or not. Nothing in it may block or sleep.
+    ``terminate`` follows, whether it got to its end or not. Nothing in it may block or sleep. While a composite stands
+    still for a silent sensor it is not ticked; ``on_pause`` is called then, and the next tick goes on.
     """
 
     lasting_state: ClassVar[tuple[str, ...]] = ("result", "_halt_by", "_leaf_stage")
@@ -163,12 +164,22 @@ class Leaf(Stopping):
         self.suspension = self.suspended_for(reason)
         if self.suspension.lost:
             return self.fail(lost_reason(reason, self.run.sensor_timeout))
+        if self._leaf_stage == WORKING and self.drives:
+            self._stay()
         return self.wait(f"waiting: {reason}")
 
     def on_standstill(self) -> Status:
         if self._leaf_stage == HALTING:
             self.halt()
+        elif self._leaf_stage == WORKING and self.drives:
+            self._stay()
         return self.status
+
+    def _stay(self) -> None:
+        """Let time pass in which it does nothing, and pause once that is too long."""
+        before, self.run.working = self.run.working, self
+        self._pass_time()
+        self.run.working = before
 
     def halt(self) -> bool:
         """Stop, if running: terminate once, then wait for ``halting`` to end, for ``halt_limit`` seconds at most."""

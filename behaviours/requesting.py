@@ -7,7 +7,14 @@ from typing import Any
 from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS, Leaf
-from drivers.api import GoalState, Progress
+from drivers.api import GoalState, Progress, Ros2
+from drivers.errors import DeviceFault
+
+CANCEL_TIMEOUT = 3.0
+"""Seconds after a cancel within which an action has ended."""
+
+INTERRUPTED = frozenset({GoalState.CANCELLED, GoalState.FAILED})
+"""How an action ends that was cancelled: some servers abort it."""
 
 
 class Requesting(Leaf):
@@ -54,6 +61,14 @@ class Requesting(Leaf):
 
     def halting(self) -> bool:
         return self._number is not None and not self.robot.ros2.progress(self._number).over
+
+
+def ended(nodes: Ros2, number: int, since: float) -> bool:
+    """Return whether an action has ended that was cancelled ``since`` seconds ago. Raises DeviceFault if it goes on."""
+    progress = nodes.progress(number)
+    if not progress.over and since > CANCEL_TIMEOUT:
+        raise DeviceFault(f"the action was cancelled {since:.0f} s ago, and has not ended", hint="look at its node")
+    return progress.over
 
 
 def read(text: str) -> Any:

@@ -2,30 +2,51 @@
 
 import json
 import math
-from typing import Any
+from typing import Any, ClassVar
 
 from py_trees.common import Status
 
 from behaviours.driving.motion import held_up
 from behaviours.leaf import SUCCESS, Leaf, argument
-from behaviours.requesting import Requesting, read
+from behaviours.requesting import INTERRUPTED, Requesting, ended, read
 from drivers.api import Duration, Progress
 from drivers.errors import BadRequest
 
 
 class _Driving(Requesting):
-    """A request that may drive the base: none is begun while that is latched, and one under way is cancelled."""
+    """A request that may drive the base: none is begun while that is latched, and one under way is cancelled.
+
+    Paused, it is cancelled as well. One that is ``repeatable`` begins again at the next tick, others fail: their goal
+    may be a distance, and twice begun be twice as far.
+    """
 
     drives = frozenset({"base"})
+    repeatable: ClassVar[bool] = False
+    _cancelled_at: float | None = None  # when a pause has cancelled it
 
     def initialise(self) -> None:
-        self._number = None
+        self._number = self._cancelled_at = None
         if not self._latched():
             super().initialise()
 
     def update(self) -> Status:
-        latched = self._latched()
-        return self.fail(latched) if latched else super().update()
+        if latched := self._latched():
+            return self.fail(latched)
+        if self._number is not None and self._cancelled_at is not None:
+            if not ended(self.robot.ros2, self._number, self.run.now() - self._cancelled_at):
+                return self.wait("waiting for the cancelled action to end")
+            if self.robot.ros2.progress(self._number).state in INTERRUPTED:
+                if not self.repeatable:
+                    return self.fail("cancelled, since it was not ticked while a sensor was silent")
+                self._number, self._cancelled_at = self.begin(), None
+                return self.wait("begun again")
+            self._cancelled_at = None
+        return super().update()
+
+    def on_pause(self) -> None:
+        if self._number is not None and not self.robot.ros2.progress(self._number).over:
+            self._cancelled_at = self.run.now()
+            self.robot.ros2.cancel(self._number)
 
     def _latched(self) -> str:
         return "" if self.robot.base_part is None else held_up(self.robot.base)
@@ -40,6 +61,7 @@ class Navigate(_Driving):
     """
 
     word = "navigate"
+    repeatable = True
     needs = frozenset({"ros2", "base"})
     stores = "what Nav2 says in the end"
     to: str = argument("text", "the name of a place: `mission place list`", default="", principal=True)

@@ -66,7 +66,8 @@ class Run:
     ``woken`` is set by whatever should not wait for the next scheduled tick. ``interruptible`` is true while a Ctrl-C
     comes as a KeyboardInterrupt.
 
-    While the executive ticks, time stands still: ``now`` is what it is ``held`` at then. ``stored`` says that variables
+    While the executive ticks, time stands still: ``now`` is what it is ``held`` at then; ``ticked_at`` is when it
+    ticked before, None in the first tick. ``stored`` says that variables
     may have changed; who tells of that sets it back. ``reckoned`` says that a motion has succeeded by dead reckoning.
 
     For who watches from another thread, by the ``wall`` clock (the run's own, unless that is a simulated one):
@@ -95,6 +96,7 @@ class Run:
         self.stored = True
         self.reckoned = False
         self.held: float | None = None
+        self.ticked_at: float | None = None
         self.sensor_timeout = SENSOR_TIMEOUT
 
     def now(self) -> float:

@@ -80,6 +80,10 @@ class Scan(Leaf):
             return SUCCESS
         return self.wait(f"look {number} of {len(self._places)}: {shown(reading.value or aim)}, to {shown(place)}")
 
+    def on_pause(self) -> None:
+        super().on_pause()
+        self._arrival, self._aim, self._there_since = Arrival(), None, None  # from where it has come to rest
+
     def terminate(self, new_status: Status) -> None:
         if new_status is not SUCCESS:
             self.robot.head.stop()

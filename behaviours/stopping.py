@@ -6,9 +6,16 @@ from py_trees.common import Status
 
 from behaviours.node import Node
 from behaviours.run import log
+from drivers.api import COMMAND_LIFE
 from drivers.errors import NotConnected
 
 IDLE = Status.INVALID
+
+STAYS = frozenset({"base", "voice", "screen"})
+"""Parts that nothing is done about when a leaf is not ticked: a base obeys no command for longer than its life."""
+
+ROUNDING = 1e-6
+"""Seconds by which sums of tick periods may fall short."""
 
 AT_REST, STARTING, WORKING, HALTING = range(4)
 """How far a leaf has come: ``initialise`` was called; it is through; ``terminate`` was called, to halt the leaf."""
@@ -23,6 +30,9 @@ class Stopping(Node):
     _leaf_stage = AT_REST
     _halt_by: float | None = None
     _halt_tick = -1
+    _unticked_since = 0.0
+    _unticked = -2  # the newest tick in which it was not ticked, or suspended
+    _paused = False
 
     @property
     def acting(self) -> bool:
@@ -40,6 +50,32 @@ class Stopping(Node):
         After ``halt_limit`` seconds its actuators are stopped for it.
         """
         return False
+
+    def on_pause(self) -> None:
+        """Bring to rest what it drives, once it was not ticked, or suspended, for ``COMMAND_LIFE`` seconds.
+
+        Its next tick goes on. A base stops by itself then, and what sounds or is shown does no harm.
+        """
+        if moving := self.drives - STAYS:
+            self.run.safe_stop(moving)
+
+    def _pass_time(self) -> None:
+        """Count the time without a tick, and pause once it is over."""
+        now, tick = self.run.now(), self.run.tick
+        if tick - self._unticked > 1:  # it was ticked in between
+            self._unticked_since, self._paused = now if self.run.ticked_at is None else self.run.ticked_at, False
+        self._unticked = tick
+        if self._paused or now - self._unticked_since < COMMAND_LIFE - ROUNDING:
+            return
+        self._paused = True
+        try:
+            self.on_pause()
+        except BaseException as error:  # as in _terminate
+            if not isinstance(error, NotConnected):
+                log.exception("%s raised while it paused", self.place)
+            self._stop_safely()
+            if self._interrupted(error):
+                raise
 
     def _terminate(self, status: Status) -> None:
         if not self._finishes:  # it says nothing of what it moves: that holds still

@@ -112,6 +112,8 @@ class FrozenTick:
         """Let time go on, and hand over what the tick has brought."""
         run, on_moment = self._run, self._on_moment
         time, run.held = run.held or 0.0, None
+        if kind == "tick":
+            run.ticked_at = time
         if run.stored:
             self.tell_changes()
         if on_moment is None:
