@@ -30,6 +30,7 @@ export class Drive {
   #number = 0;
   #still = { drive: ZEROS, look: ZEROS };
   #given = false; // the wheels, and the run has not told so yet
+  #red = false; // whether the red button of a game pad is held
   #blocked = false; // until all is let go: a command was late, or a stop was pressed
   #refused = false; // by the run, since all was let go last
   #driven = -Infinity; // when a command was sent last
@@ -166,9 +167,13 @@ export class Drive {
   }
 
   #padded() {
-    const pad = [...(navigator.getGamepads?.() ?? [])].find((each) => each?.connected && each.mapping === "standard");
+    const pads = [...(navigator.getGamepads?.() ?? [])].filter((each) => each?.connected && each.mapping === "standard");
+    const red = pads.some((each) => each.buttons[RED]?.pressed);
+    const pressed = red && !this.#red;
+    this.#red = red;
+    if (pressed) this.#stop.stop(); // whatever else is so: driving blocked, another view, a second pad
+    const pad = pads[0];
     if (!pad || !this.#shown) return [];
-    if (pad.buttons[RED]?.pressed && !this.#blocked) this.#stop.stop();
     const held = pad.buttons[SHOULDER]?.pressed;
     put(this.#pad, held ? "Game pad: drives." : "Game pad: hold its left shoulder button to drive; its right red button is STOP.");
     if (!held) return [];

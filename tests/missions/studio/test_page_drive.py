@@ -138,6 +138,50 @@ def test_the_base_rests_when_the_browser_is_stopped_as_by_a_laptops_lid_and_when
     assert {what: rest for what, rest in rests.items() if rest >= REST} == {}
 
 
+PADS = """
+window.pads = [1, 2].map(() => ({
+  connected: true, mapping: 'standard', axes: [0, 0, 0, 0], buttons: Array.from({length: 17}, () => ({pressed: false})),
+}));
+navigator.getGamepads = () => window.pads;
+window.red = (number, pressed) => (window.pads[number].buttons[1].pressed = pressed);
+window.stops = new Set();
+const send = WebSocket.prototype.send;
+WebSocket.prototype.send = function (text) {
+  const command = JSON.parse(text);
+  if (command.do === 'stop') window.stops.add(command.press);
+  return send.call(this, text);
+};
+"""
+"""Two game pads, and the stops that the page sends; one that is sent several times counts once."""
+
+
+@pytest.mark.real_time
+def test_the_red_button_of_a_game_pad_stops_once_also_while_driving_is_blocked_and_on_every_view(
+    browser: Browser, served: Served, scene: tuple[Process, LoneBase]
+) -> None:
+    page, base = driver(browser, served), scene[1]
+    page.tab.evaluate(PADS)
+
+    def stops() -> int:
+        page.tab.evaluate("new Promise((done) => setTimeout(done, 300))")  # several turns of the page
+        return int(page.tab.evaluate("window.stops.size"))
+
+    with page.held(STICK, up=60):
+        wait_until(moving(base))
+        page.tab.evaluate("dispatchEvent(new Event('gamepaddisconnected'))")  # driving is blocked until all is let go
+        wait_until(lambda: not moving(base)())
+        assert stops() == 0
+        page.tab.evaluate("window.red(0, true)")
+        page.wait_for("Stopped from this page")
+        assert stops() == 1  # although the button is held
+    page.tab.evaluate("window.red(0, false)")
+    page.release()
+    page.go("Live")
+    page.tab.evaluate("window.red(1, true)")
+    page.wait_for("Stopped from this page")
+    assert stops() == 2
+
+
 @pytest.mark.real_time
 def test_a_robot_is_driven_without_a_mission(browser: Browser, served: Served) -> None:
     page = Page(browser, served, view="#drive")
