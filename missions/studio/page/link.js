@@ -31,7 +31,7 @@ export class Link {
   #version;
   #tries = 0;
   #timer = 0;
-  #pings = []; // when each `hello` was sent that has no `welcome` yet
+  #pings = []; // the number of each `hello` that is not answered yet, and when it was sent
   #measured = 0;
 
   /** `version` is what `hello` says: that of the page, or of the protocol, which a page of any age may speak. */
@@ -60,7 +60,7 @@ export class Link {
 
   /** Milliseconds that a word takes there and back, as of the last `hello`; or for which one has waited already. */
   get roundTrip() {
-    return Math.max(this.#measured, this.#pings.length ? performance.now() - this.#pings[0] : 0);
+    return Math.max(this.#measured, this.#pings.length ? performance.now() - this.#pings[0].sent : 0);
   }
 
   /** Send a command that needs no answer; return whether it was sent. */
@@ -112,14 +112,15 @@ export class Link {
     this.heard = performance.now();
     const message = JSON.parse(text);
     if (message.say === "answer") {
-      if (message.id !== undefined && message.id !== null) this.#settle(message.id, message);
+      if (this.#pings.some(({ id }) => id === message.id)) this.#pong(message.id); // refused, as after too many commands
+      else if (message.id !== undefined && message.id !== null) this.#settle(message.id, message);
       else if (message.error === "old_page") this.#become("old");
       else this.#tell("trouble", new StudioError(message));
       return;
     }
     if (message.say === "welcome") {
       this.welcome = message;
-      this.#measured = performance.now() - (this.#pings.shift() ?? performance.now());
+      if (this.#pings.length) this.#pong(this.#pings[0].id);
       this.#tries = 0;
       this.#become(this.#version === VERSION && message.page !== VERSION ? "old" : "open");
     }
@@ -164,8 +165,16 @@ export class Link {
 
   /** Say hello: it is answered, so that a dead link is noticed, and the round trip known. */
   #ping() {
-    this.#pings.push(performance.now());
-    this.#socket.send(JSON.stringify({ do: "hello", version: this.#version }));
+    const id = ++this.#number;
+    this.#pings.push({ id, sent: performance.now() });
+    this.#socket.send(JSON.stringify({ do: "hello", version: this.#version, id }));
+  }
+
+  /** Note the round trip of a `hello` that was answered, by `welcome` or by a refusal. */
+  #pong(id) {
+    const at = this.#pings.findIndex((each) => each.id === id);
+    const [{ sent }] = this.#pings.splice(at, 1);
+    this.#measured = performance.now() - sent;
   }
 
   #become(how) {

@@ -1,5 +1,6 @@
 """What the studio's page says over its connections, and when."""
 
+import json
 import os
 from collections.abc import Mapping
 from functools import partial
@@ -130,6 +131,63 @@ def test_stop_has_a_connection_of_its_own_on_which_nothing_else_waits(browser: B
     told: list[dict[str, Any]] = page.tab.evaluate("window.sent")
     assert {each["do"] for each in told if each["socket"] == over} == {"hello", "stop"}
     assert over != sent(page, "library")[0]["socket"]
+
+
+ROUND_TRIPS = """
+(async () => {
+  const {Link} = await import(new URL('link.js', document.querySelector('script[type=module]').src));
+  const kept = [WebSocket, setInterval, performance.now];
+  let now = 0, look, socket;
+  window.WebSocket = class {
+    static OPEN = 1;
+    readyState = 1;
+    hellos = [];
+    constructor() { socket = this; }
+    send(text) { this.hellos.push(JSON.parse(text)); }
+  };
+  window.setInterval = (call) => (look = call);
+  performance.now = () => now;
+  try {
+    const link = new Link('2');
+    const hear = (message) => socket.onmessage({data: JSON.stringify(message)});
+    const answer = (how) => {
+      const {id} = socket.hellos.shift();
+      hear(how === 'welcome' ? {say: 'welcome', page: 'other'}
+        : {say: 'answer', ok: false, error: 'too_many', message: 'more than 100 commands a second', ...(id && {id})});
+    };
+    socket.onopen();
+    const trips = [];
+    for (const [how, delay] of %s) {
+      if (trips.length) now += 1000, look();
+      now += delay;
+      if (how === 'another') hear({say: 'answer', ok: false, error: 'too_many', message: ''});
+      answer(how === 'refused' ? how : 'welcome');
+      trips.push(link.roundTrip);
+    }
+    now += 1000, look(), now += 700;
+    return [...trips, link.roundTrip];
+  } finally {
+    [window.WebSocket, window.setInterval, performance.now] = kept;
+  }
+})()
+"""
+"""The round trips of a link whose hellos are answered in some ways after some milliseconds, then not within 700 ms."""
+
+
+@pytest.mark.parametrize(
+    "answers",
+    [
+        [("welcome", 10), ("welcome", 20)],
+        [("welcome", 10), ("refused", 20), ("welcome", 30)],
+        [("welcome", 10), *[("refused", 20)] * 5, ("welcome", 900), ("welcome", 40)],
+        [("welcome", 10), ("another", 20), ("welcome", 30)],  # of a drive command, which has no number
+    ],
+)
+def test_the_round_trip_is_known_after_hellos_that_were_refused(
+    browser: Browser, served: Served, answers: list[tuple[str, int]]
+) -> None:
+    page = Page(browser, served, view="#run")
+    assert page.tab.evaluate(ROUND_TRIPS % json.dumps(answers)) == [*(delay for _, delay in answers), 700]
 
 
 def test_stop_stays_red_under_the_mouse(browser: Browser, served: Served) -> None:
