@@ -221,6 +221,7 @@ class Session:
         link = self._links.get(run)
         if link is not None and not link.closed.is_set():
             return link
+        self._studio.hub.known(run)
 
         async def answered(line: bytes) -> None:
             if line.startswith(b'{"say":"answer"'):
