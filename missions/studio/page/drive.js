@@ -30,7 +30,7 @@ export class Drive {
   #number = 0;
   #still = { drive: ZEROS, look: ZEROS };
   #given = false; // the wheels, and the run has not told so yet
-  #red = false; // whether the red button of a game pad is held
+  #red = []; // the game pads, by index, whose red button is held
   #blocked = false; // until all is let go: a command was late, or a stop was pressed
   #refused = false; // by the run, since all was let go last
   #driven = -Infinity; // when a command was sent last
@@ -168,8 +168,8 @@ export class Drive {
 
   #padded() {
     const pads = [...(navigator.getGamepads?.() ?? [])].filter((each) => each?.connected && each.mapping === "standard");
-    const red = pads.some((each) => each.buttons[RED]?.pressed);
-    const pressed = red && !this.#red;
+    const red = pads.filter((each) => each.buttons[RED]?.pressed).map((each) => each.index);
+    const pressed = red.some((index) => !this.#red.includes(index));
     this.#red = red;
     if (pressed) this.#stop.stop(); // whatever else is so: driving blocked, another view, a second pad
     const pad = pads[0];
