@@ -17,7 +17,7 @@ SUCCESS, FAILURE, USAGE, DEVICE, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130
 a fault of our own, Ctrl-C or SIGTERM."""
 
 ALONE = "alone"
-"""What the context of a command is told where the process is its alone."""
+"""What the context of a command is told where the process is its alone: `missions.studio.holders.OWN_PROCESS`."""
 
 COMPLETING = "_MISSION_COMPLETE"
 """What a shell sets in the environment where it asks what a word may become."""

@@ -26,7 +26,7 @@ from missions.library.shipped import behaviour_files
 from missions.order import RunRequest
 from missions.runner import Runner, end_process
 from missions.studio.control import ControlSocket
-from missions.studio.holders import noted
+from missions.studio.holders import noted, require_not_stopped
 from missions.studio.pictures import Pictures
 
 if TYPE_CHECKING:
@@ -69,6 +69,7 @@ def run(
     with ExitStack() as loading:
         with suppress(OSError):  # without any folder, its control socket tells what that means
             loading.enter_context(noted(order.mission, order.robot or DEFAULT_ROBOT, order.simulation or ""))
+        require_not_stopped()
         return _run(order, outputs, out, last_words, until, loading)
 
 

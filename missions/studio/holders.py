@@ -9,13 +9,38 @@ import click
 from drivers.errors import DriverError
 from missions.studio import abstract
 from missions.studio.notes import Notes
+from missions.studio.processes import identity_of
+from missions.studio.stop_stamp import is_stopped_since
 
 WITHOUT_STOP = "MISSION_WITHOUT_STOP"
 """Environment variable: `yes` lets a robot move even if `mission stop` cannot reach the process that moves it."""
 
 
+OWN_PROCESS = "alone"
+"""Object of the root context of a command whose process does nothing else."""
+
+
 class NoStop(DriverError):
     """What would move a robot cannot be stopped from elsewhere, and nobody has said that this may be."""
+
+
+class StoppedWhileLoading(DriverError):
+    """`mission stop` was typed after this command, which was not found then, since it was still loading."""
+
+
+def require_not_stopped() -> None:
+    """Raise StoppedWhileLoading if all was stopped since this process began. Call this after its note is written.
+
+    Does nothing where the process is not the command's alone: a stop from before the call means others then.
+    """
+    context = click.get_current_context(silent=True)
+    process = identity_of(os.getpid())
+    if context is None or context.find_root().obj != OWN_PROCESS or process is None:
+        return
+    if is_stopped_since(process):
+        raise StoppedWhileLoading(
+            "`mission stop` was typed while this was loading, so nothing moves", hint="start it again"
+        )
 
 
 @contextmanager
@@ -69,10 +94,12 @@ def holding(robot: str, *, simulated: bool) -> Iterator[None]:
             notes = keeping.enter_context(noted(name, robot, "wire" if simulated else ""))
         except OSError as error:  # such as a full disk: its terminal, and signals, stop it
             require_stop(f"{error}", simulated=simulated)
+            require_not_stopped()
             click.echo(f"mission: {error}: `mission stop` cannot reach this command", err=True)
             with _held(simulated=simulated):
                 yield
             return
+        require_not_stopped()
         try:
             yield
         finally:

@@ -14,7 +14,7 @@ from missions.studio.form import BadMessage
 from missions.studio.link import Link, OnLine
 from missions.studio.searching import Found, Search, may_live, search
 from missions.studio.spare import SpareDescriptors
-from missions.studio.stopping import GONE, stop_one
+from missions.studio.stopping import GONE, stamp_stop, stop_one
 from missions.studio.watching import Watching
 
 PERIOD = 0.25
@@ -53,6 +53,7 @@ class Hub:
         self._looking = asyncio.Lock()
         self._next_look: asyncio.Task[None] | None = None
         self._next_search: asyncio.Task[Search] | None = None
+        self._next_stamp: asyncio.Future[str] | None = None
         self._following: dict[Link, tuple[asyncio.Task[Mapping[str, object]], list[str]]] = {}
         self._asking: dict[object, asyncio.Future[Mapping[str, object]]] = {}
         self._spare = SpareDescriptors(0)
@@ -136,6 +137,7 @@ class Hub:
         with self._spare.lent():
             links = dict(self._links)
             stopping = asyncio.ensure_future(self._stop_these({} if run else links, by, press))
+            unstamped = "" if run else await self._stamped()
             found = await self._searched()
             # A connection that was made since is not among those that are asked.
             others = [each for each in found.found if not _is_linked(each, links)]
@@ -151,7 +153,19 @@ class Hub:
                 told[free_name(run or each.run, told)] = result
         if found.doubts and not run:
             told[UNKNOWN] = {"trouble": "\n".join(each.words for each in found.doubts)}
+        elif unstamped and not told:
+            told[UNKNOWN] = {"trouble": unstamped}
         return told
+
+    async def _stamped(self) -> str:
+        """Note the time of a stop, as ``stamp_stop``. Those who ask in the same moment share it, and then a search."""
+        if self._next_stamp is None:
+            self._next_stamp = asyncio.ensure_future(self._stamp_next())
+        return await asyncio.shield(self._next_stamp)
+
+    async def _stamp_next(self) -> str:
+        self._next_stamp = None
+        return await asyncio.to_thread(stamp_stop)
 
     async def _searched(self) -> Search:
         """Return what is there now. Those who ask in the same moment share a search."""

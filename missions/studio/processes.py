@@ -27,12 +27,12 @@ class ProcessIdentity:
     @property
     def is_visible(self) -> bool:
         """Whether it is a process of this computer, since its start, and has the same number here as there."""
-        return (self.boot, self.namespace) == _here()
+        return (self.boot, self.namespace) == here()
 
     @property
     def is_of_this_boot(self) -> bool:
         """Whether it is a process of this computer, since its start, perhaps in a container. Raises OSError."""
-        return self.boot == _here()[0]
+        return self.boot == here()[0]
 
     def lives(self) -> bool:
         """Return whether it has not ended. Raises OSError where that cannot be known."""
@@ -80,7 +80,7 @@ def _opened(pid: int, closing: ExitStack) -> int | None:
 
 
 @cache
-def _here() -> tuple[str, int]:
+def here() -> tuple[str, int]:
     """Return which boot of which computer this is, and which namespace of processes. Raises OSError without /proc."""
     boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
     return boot, Path("/proc/self/ns/pid").stat().st_ino
@@ -89,7 +89,7 @@ def _here() -> tuple[str, int]:
 def identity_of(pid: int) -> ProcessIdentity | None:
     """Return the process that has a number now; None where there is none. Raises OSError where that is unknown."""
     start = start_of(pid)
-    boot, namespace = _here()
+    boot, namespace = here()
     return None if start is None else ProcessIdentity(pid, start, boot, namespace)
 
 

@@ -15,6 +15,7 @@ from missions.studio.notes import END_TIME, Holder
 from missions.studio.processes import ProcessIdentity, identity_of
 from missions.studio.searching import Found, Search, is_own, reason_of, search
 from missions.studio.sockets import RunLink
+from missions.studio.stop_stamp import write_stamp
 
 Said = dict[object, tuple[bool, str]]
 """What came of each that was asked: whether it is good, and the words for people."""
@@ -46,6 +47,7 @@ def ask_all(
     looked at, and could be meant, is returned as well.
     """
     asking = Asking(asked, by, which, only)
+    unstamped = stamp_stop() if asking.stops and not which else ""
     found = search(thorough=False) if found is None else found
     work = asking.begin(found.found)
     known = {each.key for each in found.found}
@@ -55,10 +57,24 @@ def ask_all(
         thread.join()
     if not which or not asking.answered.issuperset(which):
         asking.said |= {each: (False, each.words) for each in found.doubts}
+    if unstamped and not asking.said:
+        asking.said["stamp"] = False, unstamped
     for name in which:
         if name not in asking.meant:
             asking.said[name] = False, f"no run {name}: `mission stop --list` lists what runs"
     return asking.said
+
+
+def stamp_stop() -> str:
+    """Note the time of a stop for commands that are still loading; return why that failed, empty where it did not."""
+    try:
+        write_stamp()
+    except PermissionError:
+        return ""  # nor can a command write its note there, and without one it moves no robot
+    except OSError as error:
+        why = f"what is loading does not learn of this stop ({reason_of(error)}): perhaps not stopped"
+        return f"{why}\n  try: mission stop, once more"
+    return ""
 
 
 @dataclass(slots=True)
@@ -81,7 +97,8 @@ class Asking:
     _lock: Lock = field(default_factory=Lock)
 
     @property
-    def _stops(self) -> bool:
+    def stops(self) -> bool:
+        """Whether a stop is asked for."""
         return any(command["do"] == "stop" for command in self.commands)
 
     def begin(self, found: Sequence[Found]) -> list[Thread]:
@@ -112,8 +129,8 @@ class Asking:
 
     def _doubt(self, found: Found, why: str, peer: ProcessIdentity | None = None) -> None:
         """Note that a run has perhaps not been stopped, or has not done what was asked. ``peer`` listens for it."""
-        hint = found.way_to_end(peer) if self._stops else f"mission stop {found.run}  (which ends it)"
-        self.said[found] = False, f"{why}{': perhaps not stopped' * self._stops}\n  try: {hint}"
+        hint = found.way_to_end(peer) if self.stops else f"mission stop {found.run}  (which ends it)"
+        self.said[found] = False, f"{why}{': perhaps not stopped' * self.stops}\n  try: {hint}"
 
     def _ask_run(self, found: Found) -> None:
         """Ask a run at one of its addresses; where it answers at none of them, end its process if it was to stop."""
@@ -134,7 +151,7 @@ class Asking:
     def _ask_by(self, found: Found, link: RunLink) -> None:
         """Ask a run by way of a link, if it is meant, and note its answer. Raises OSError where it does not answer."""
         told = link.told
-        if not told and not self._stops:
+        if not told and not self.stops:
             raise TimeoutError("it does not answer")
         if told and not self._is_meant(found, link):
             return
@@ -196,7 +213,7 @@ class Asking:
         except OSError as error:
             self._doubt(found, f"{found.words}: {why}; {reason_of(error)}", peer)
             return
-        if not self._stops or found.is_meant(self.which) is None:
+        if not self.stops or found.is_meant(self.which) is None:
             self._doubt(found, f"{found.words}: {why}", peer)
         else:
             self._terminate(found, peer, why)

@@ -1,0 +1,73 @@
+"""Time of the newest stop of all runs: ends a command that was still loading and that no search could find.
+
+A stop writes the stamp before it searches. A command writes its note before it reads the stamp. So either the search
+finds the note, or the command finds the stamp.
+"""
+
+import json
+import os
+from contextlib import suppress
+from pathlib import Path
+
+from missions.studio.places import Place, places
+from missions.studio.processes import ProcessIdentity, here
+
+NAME = "newest.stop"
+
+RESOLUTION = 2
+"""Clock ticks by which the start of a process and the uptime may differ, since both are rounded."""
+
+
+def write_stamp() -> None:
+    """Write the time of a stop into all folders of this user, and for root into those of others.
+
+    Raises OSError if no folder can take it.
+    """
+    text = json.dumps({"boot": here()[0], "ticks": _uptime()})
+    errors, written = list[OSError](), 0
+    for place in places():
+        try:
+            _write(place, text)
+            written += 1
+        except OSError as error:
+            errors.append(error)
+    if not written:
+        raise errors[0] if errors else OSError("neither HOME nor XDG_RUNTIME_DIR says where a stamp can be")
+
+
+def is_stopped_since(process: ProcessIdentity) -> bool:
+    """Return whether all was stopped after a process had started. Damaged stamps, and those of other boots, are old."""
+    return any(
+        boot == process.boot and ticks + RESOLUTION >= process.start
+        for boot, ticks in map(_read, places())
+        if ticks is not None
+    )
+
+
+def _write(place: Place, text: str) -> None:
+    folder = place.prepare() if place.is_own else place.folder
+    begun = folder / f"{NAME}.{os.getpid()}"
+    number = os.open(begun, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o644)
+    try:
+        with os.fdopen(number, "w", encoding="utf-8") as file:
+            file.write(text)
+        begun.replace(folder / NAME)
+    except BaseException:
+        with suppress(OSError):
+            begun.unlink()
+        raise
+
+
+def _read(place: Place) -> tuple[str, int | None]:
+    """Return the boot and the clock tick of the stamp in a folder; None for the tick if there is none."""
+    try:
+        told = json.loads((place.folder / NAME).read_text(encoding="utf-8"))
+        return str(told["boot"]), int(told["ticks"])
+    except (OSError, ValueError, KeyError, TypeError):  # then the note of the command is not in that folder either
+        return "", None
+
+
+def _uptime() -> int:
+    """Return the clock ticks since the boot, as the start of a process is counted. Raises OSError."""
+    seconds = float(Path("/proc/uptime").read_text(encoding="ascii").split()[0])
+    return int(seconds * os.sysconf("SC_CLK_TCK"))

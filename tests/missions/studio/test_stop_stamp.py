@@ -1,0 +1,99 @@
+"""A stop that is typed before a command can be found: the command ends before it moves anything."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from missions.studio import stop_stamp
+from missions.studio.places import places
+from missions.studio.processes import identity_of
+from missions.studio.stop_stamp import NAME, is_stopped_since, write_stamp
+from missions.studio.stopping import ask_all
+from tests.missions.command import PATIENCE, command
+
+HELD_UP = "open({gate!r}).read()  # waits until somebody has written there\n"
+
+
+@contextmanager
+def loading(folder: Path, *words: str) -> Iterator[tuple[subprocess.Popen[str], Path]]:
+    """A command whose Python has just started, and the gate that holds it up there."""
+    gate = folder / "gate"
+    os.mkfifo(gate)
+    (folder / "sitecustomize.py").write_text(HELD_UP.format(gate=str(gate)), encoding="utf-8")
+    environment = os.environ | {"PYTHONPATH": str(folder)}
+    program = [sys.executable, "-m", "missions", *words]
+    with subprocess.Popen(program, env=environment, stdout=-1, stderr=-1, text=True) as process:
+        try:
+            yield process, gate
+        finally:
+            process.kill()
+
+
+def brief(folder: Path) -> str:
+    path = folder / "brief.yaml"
+    path.write_text("mission: brief\ntree:\n  wait: 10 ms\n", encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_a_run_that_started_before_a_stop_ends_before_it_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *, stopped: bool
+) -> None:
+    if not stopped:
+        before = stop_stamp._uptime() - 1000
+        with monkeypatch.context() as earlier:
+            earlier.setattr(stop_stamp, "_uptime", lambda: before)
+            write_stamp()
+    with loading(tmp_path, "run", brief(tmp_path), "--simulate", "fast") as (process, gate):
+        if stopped:
+            assert command(capsys, "stop").out == "no mission runs\n"
+        gate.write_text("go on")
+        out, error = process.communicate(timeout=PATIENCE)
+    assert process.returncode == (3 if stopped else 0), (out, error)
+    assert ("`mission stop` was typed while this was loading" in error) is stopped
+
+
+def test_a_command_by_hand_that_started_before_a_stop_moves_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with loading(tmp_path, "head", "look", "--pan", "20", "--simulate") as (process, gate):
+        command(capsys, "stop")
+        gate.write_text("go on")
+        _, error = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, "while this was loading" in error) == (3, True), error
+
+
+def test_a_stop_of_one_run_leaves_no_stamp_for_others() -> None:
+    for place in places():
+        (place.folder / NAME).unlink(missing_ok=True)
+    ask_all([{"do": "stop"}], "a test", ["greet"])
+    own = identity_of(os.getpid())
+    assert own is not None
+    assert not is_stopped_since(own)
+
+
+@pytest.mark.parametrize("damage", ["", "{", "[]", '{"boot": "another", "ticks": 1e300}', '{"ticks": 9999999999}'])
+def test_a_damaged_stamp_stops_nothing(damage: str) -> None:
+    write_stamp()
+    for place in places():
+        if (place.folder / NAME).exists():
+            (place.folder / NAME).write_text(damage, encoding="utf-8")
+    own = identity_of(os.getpid())
+    assert own is not None
+    assert not is_stopped_since(own)
+
+
+def test_a_stop_that_no_folder_can_note_is_a_doubt(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(stop_stamp, "_write", fail)
+    stopped = command(capsys, "stop")
+    assert (stopped.code, "perhaps not stopped" in stopped.err) == (1, True)
