@@ -89,6 +89,9 @@ class StandIn(Leaf):
         """Take more time to stop, or not, where the real one may."""
         return self.lingers and self.oracle.choose((False, True), self._halting)
 
+    def _pass_time(self) -> None:
+        """Do nothing: a pause decides nothing in a tree, and its clock would add states and choices."""
+
     @property
     def can_end(self) -> bool:
         """Say whether it may ever succeed or fail."""

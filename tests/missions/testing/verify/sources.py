@@ -26,6 +26,9 @@ IGNORED = frozenset(
         "values",  # used up in the tick in which they are set
         "_halt_tick",  # compared within a tick only
         "suspension",  # used up in the tick in which it is set; for other ticks it is kept by another name
+        "_unticked",  # as the next two: when actuators come to rest, which a stand-in does not have
+        "_unticked_since",
+        "_paused",
         "_since",  # how long a leaf has run, which no stand-in asks
     }
 )
