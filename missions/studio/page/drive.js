@@ -195,7 +195,7 @@ export class Drive {
       return "Driving is refused: the link is too slow. You would see too late what the robot does, and it would stop too late. "
         + "Go nearer to its wireless network, or switch the camera off.";
     }
-    if (this.#blocked && this.#refused) return "The base has stopped: your last command came too late. Let go, and begin anew.";
+    if (this.#blocked && this.#refused) return "The base was stopped. Let go of all, then drive again.";
     return "";
   }
 
