@@ -14,6 +14,9 @@ FINE = math.radians(0.1)
 NUDGE = TURN_CRAWL / 2
 """Turn rate of a correction in rad/s: the wheels of a Kobuki turn at 4 mm/s then, of which it knows whole ones."""
 
+MAX_NUDGE_GRANT = 5.0
+"""Seconds by which a correction extends the time limit at most: with rare odometry a turn ends degrees beside."""
+
 NUDGES = 3
 """Corrections at most: where they do not help, more of them will not."""
 
@@ -57,5 +60,7 @@ class Spin(Motion):
         if abs(left) <= FINE or self._nudges == NUDGES:
             return SUCCESS
         self._nudges += 1
-        self._nudge = math.copysign(NUDGE, left), now + abs(left) / NUDGE
+        seconds = abs(left) / NUDGE
+        self._clock.grant(min(seconds, MAX_NUDGE_GRANT))
+        self._nudge = math.copysign(NUDGE, left), now + seconds
         return self.steer(Velocity(0.0, self._nudge[0]), doing)

@@ -48,6 +48,10 @@ class MotionClock:
         """Stand still until the next ``run``: a person has the wheels, or nothing is known of the base."""
         self._at = None
 
+    def grant(self, seconds: float) -> None:
+        """Give so many seconds more, for work that the limit does not know of."""
+        self.spent -= seconds
+
     def scale(self, before: float, limit: float) -> None:
         """Keep the share that is spent of a limit when it changes from ``before`` to ``limit`` seconds."""
         if isfinite(before) and isfinite(limit):

@@ -105,3 +105,9 @@ def test_a_create3_that_backs_no_farther_fails_and_says_why_within_two_seconds()
     ending = play(MotionCase(1, "create3, wire", "drive", -0.3, 0.0, 0.2, fault="backup limit"))
     assert ending.seconds < 2.5
     assert "commanded -0.2 m/s" in ending.reason
+
+
+def test_a_turn_with_rare_odometry_has_time_for_its_corrections() -> None:
+    case = draw(40016, faulty=False)
+    assert (case.base, case.motion) == ("ros2 at 3 Hz, wire", "turn")
+    assert play(case).status is SUCCESS
