@@ -49,6 +49,8 @@ class ArduinoHead(LedHead[ServoAxis]):
         super().__init__(clock, PanTilt(name, pan, tilt, speed=speed, acceleration=acceleration, start=start), changed)
         self._sent: tuple[int, ...] = ()  # degrees; empty before it is known where the servos stand
         self._newest: Reading[HeadPose] | None = None
+        self._guessed = False  # the degrees are a guess, and no goal has been accepted since
+        self._resend = False  # send both servos their degrees, also where the guess equals the goal
 
     # --- what behaviours ask ------------------------------------------------------------------------------------------
 
@@ -66,6 +68,7 @@ class ArduinoHead(LedHead[ServoAxis]):
         # for the part of a degree that they never went, and its beginning would wait for that and for a pulse.
         self._way.look(HeadPose(pan.nearest(accepted.pan), tilt.nearest(accepted.tilt)), self._now())
         self._settled = False
+        self._guessed, self._resend = False, self._resend or self._guessed
         self.board.send(self)  # the first degree does not wait for the next pulse
         return accepted
 
@@ -118,6 +121,7 @@ class ArduinoHead(LedHead[ServoAxis]):
         else:
             self._way.place(HeadPose(pan, tilt), now)
         self._began, self._settled = True, False
+        self._guessed, self._resend = not known, False
         self._tell(HeadPose(pan, tilt), now)
         return {axis.index: sent for axis, sent in zip(axes, self._sent, strict=True)}
 
@@ -134,14 +138,14 @@ class ArduinoHead(LedHead[ServoAxis]):
         return not self._settled
 
     def due(self, now: float) -> list[ServoAngle]:
-        """Move on; return each axis whose whole degree has changed."""
+        """Move on; return each axis whose whole degree has changed, and both at the first goal after a guess."""
         self._settled = self._way.still  # the last degree is sent now, and no other unless somebody wants one
         pan, tilt = way = self._way.advance(now)
         degrees = next_degrees(self._way, way, self._sent)
         pose = HeadPose(pan.axis.to_radians(degrees[0]), tilt.axis.to_radians(degrees[1]))
         steps = zip((pan.axis, tilt.axis), degrees, self._sent, strict=True)
-        angles = [ServoAngle(axis.index, new) for axis, new, old in steps if new != old]
-        self._sent = degrees
+        angles = [ServoAngle(axis.index, new) for axis, new, old in steps if new != old or self._resend]
+        self._sent, self._resend = degrees, False
         self._tell(pose, now)
         return angles
 
