@@ -6,6 +6,7 @@ finds the note, or the command finds the stamp.
 
 import json
 import os
+import secrets
 from contextlib import suppress
 from pathlib import Path
 
@@ -46,7 +47,7 @@ def is_stopped_since(process: ProcessIdentity) -> bool:
 
 def _write(place: Place, text: str) -> None:
     folder = place.prepare() if place.is_own else place.folder
-    begun = folder / f"{NAME}.{os.getpid()}"
+    begun = folder / f"{NAME}.{secrets.token_hex(8)}"  # two stops of one studio may be written at the same time
     number = os.open(begun, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o644)
     try:
         with os.fdopen(number, "w", encoding="utf-8") as file:
@@ -63,7 +64,7 @@ def _read(place: Place) -> tuple[str, int | None]:
     try:
         told = json.loads((place.folder / NAME).read_text(encoding="utf-8"))
         return str(told["boot"]), int(told["ticks"])
-    except (OSError, ValueError, KeyError, TypeError):  # then the note of the command is not in that folder either
+    except (OSError, ValueError, KeyError, TypeError):  # a command needs a folder that it can read for its own note
         return "", None
 
 

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -97,3 +98,9 @@ def test_a_stop_that_no_folder_can_note_is_a_doubt(
     monkeypatch.setattr(stop_stamp, "_write", fail)
     stopped = command(capsys, "stop")
     assert (stopped.code, "perhaps not stopped" in stopped.err) == (1, True)
+
+
+def test_stamps_that_are_written_at_the_same_time_do_not_collide() -> None:
+    with ThreadPoolExecutor(8) as threads:
+        written = [threads.submit(write_stamp) for _ in range(200)]
+    assert [each.exception() for each in written] == [None] * 200
