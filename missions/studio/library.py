@@ -1,17 +1,21 @@
 """What there is to run, and on what, as the page shows it: the catalogue that `mission list` and `check` read.
 
-Over the studio, missions, robots and worlds are those of the library, and the files in the folder in which it was
-started: no command leads elsewhere.
+Over the studio, missions, robots and worlds are those of the library, the user's own by name, and the files in the
+folder in which it was started: no command leads elsewhere.
 """
 
+import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
+from config.defaults import own_files
 from config.faults import InvalidFileError
-from config.library import SUFFIXES, UnknownNameError, find, kinds_of, shipped
+from config.library import BEGINNING, SHEETS, SUFFIXES, UnknownNameError, find, kinds_of, shipped
+from config.reading import open_regular
 from config.world import load_world
 from drivers.clock import time_of_day
 from missions.library.drivers import load_robot
@@ -22,7 +26,7 @@ from missions.library.shipped import TESTS, shipped_missions
 from missions.library.worlds import build_world
 from missions.studio.commands import Command
 from missions.studio.form import BadMessage
-from missions.studio.wishes import Mission, World
+from missions.studio.wishes import Library, Mission, World
 from missions.views.pictures.draw import drawing_of
 from missions.views.pictures.drawing import Box
 from missions.views.pictures.plan import METRE, frame_of, plan
@@ -40,15 +44,43 @@ MOTIONS = tuple(
 """The motions of the TurtleBot course, in the order of their numbers."""
 
 
+MOST_ENTRIES = 4096
+"""Entries of a list that are cached."""
+
+READ = (*SUFFIXES, *SHEETS, ".py")
+"""The suffixes of files on which a mission, a robot or a world may depend."""
+
 MOST_DRAWN = 200
 """Nodes of a mission that a list draws."""
 
 
 def names_of(kind: str) -> Mapping[str, Path]:
-    """Return the files of a kind (missions, robots, worlds) that there are, by their names: ours, then the user's."""
-    known = shipped_missions() if kind == "missions" else shipped(kind)
-    own = (path for path in sorted(Path().iterdir()) if path.suffix in SUFFIXES and not path.name.endswith(TESTS))
-    return {**known, **{path.name: path for path in own if path.is_file() and kind in kinds_of(path)}}
+    """Return the files of a kind (missions, robots, worlds) by their names: the user's own first, then the shipped."""
+    known = _shipped(kind)
+    return {**_own(kind, known, []), **known}
+
+
+def _shipped(kind: str) -> Mapping[str, Path]:
+    return shipped_missions() if kind == "missions" else shipped(kind)
+
+
+def _own(kind: str, known: Mapping[str, Path], faults: list[str]) -> Mapping[str, Path]:
+    """Return the user's own files of a kind; one whose name is ``known`` of another file goes by its path.
+
+    A folder that cannot be read, or a file of defaults with errors, is told in ``faults`` and hides no other files.
+    """
+    found: dict[str, Path] = {}
+    try:
+        here = (path for path in sorted(Path().iterdir()) if path.suffix in SUFFIXES and not path.name.endswith(TESTS))
+        found |= {path.name: path for path in here if path.is_file() and kind in kinds_of(path)}
+    except OSError as error:
+        faults.append(f"{Path().absolute()} cannot be read: {error.strerror}")
+    try:
+        for name, path in own_files(kind).items():
+            found.setdefault(str(path) if name in known else name, path)
+    except (OSError, InvalidFileError) as error:
+        faults.append(str(error)[:2000])
+    return found
 
 
 def check_name(kind: str, name: str) -> str:
@@ -60,15 +92,23 @@ def check_name(kind: str, name: str) -> str:
 
 def library(command: Command) -> Json:
     """Answer `library`."""
-    del command
-    return {
-        "missions": [_mission(name, path, path.stat().st_mtime_ns) for name, path in names_of("missions").items()],
-        "robots": [_summary(name, path, load_robot) for name, path in names_of("robots").items()],
-        "worlds": [_summary(name, path, load_world) for name, path in names_of("worlds").items()],
-        "motions": list(MOTIONS),
-        "people": _people(),
-        "checkup": _checkup(),
+    known = {kind: _shipped(kind) for kind in MAKES}
+    faults: list[str] = []
+    own = {kind: _own(kind, known[kind], faults) for kind in MAKES}
+    places = {path.parent for files in own.values() for path in files.values()}
+    files = _edition(path for place in sorted(places) for path in _below(place) if path.suffix in READ)
+    edition = _edition([checkup_file(), *_below(folder())], files + "".join(faults))
+    if isinstance(command, Library) and command.edition == edition:
+        return {"edition": edition}
+    lists: Json = {
+        kind: [
+            *(make(name, path, files) for name, path in own[kind].items()),
+            *(make(name, path, "") for name, path in known[kind].items()),
+        ]
+        for kind, make in MAKES.items()
     }
+    more: Json = {"motions": list(MOTIONS), "people": _people(), "checkup": _checkup()}
+    return {"edition": edition, "trouble": "\n".join(dict.fromkeys(faults)), **lists, **more}
 
 
 def mission(command: Command) -> Json:
@@ -77,6 +117,7 @@ def mission(command: Command) -> Json:
     found = load_with_own(name)
     return {
         "name": name,
+        "title": found.mission,
         "summary": found.summary,
         "file": found.source.name,
         "parts": sorted(found.tree.parts),
@@ -106,16 +147,50 @@ DOES: Mapping[str, Callable[[Command], Json]] = {"library": library, "mission": 
 """What does each command."""
 
 
-@lru_cache(maxsize=512)
-def _mission(name: str, path: Path, changed: int) -> Json:
-    """Return what the list says of a mission, as it was when it was ``changed``; one that is wrong says why."""
-    del path, changed
+def _below(place: Path) -> Iterator[Path]:
+    """Yield what is in a folder and in the folders of it; nothing for one that cannot be read."""
+    with suppress(OSError):
+        for path in sorted(place.iterdir()):
+            yield path
+            with suppress(OSError):
+                yield from sorted(path.iterdir()) if path.is_dir() else ()
+
+
+def _edition(paths: Iterable[Path], before: str = "") -> str:
+    """Return a text that is another one once a file was added, changed or removed."""
+    digest = hashlib.sha256(before.encode())
+    for path in paths:
+        with suppress(OSError):
+            found = path.stat()
+            digest.update(f"{path}\0{found.st_mtime_ns} {found.st_size} {found.st_ino}\0".encode(errors="replace"))
+    return digest.hexdigest()[:16]
+
+
+@lru_cache(maxsize=MOST_ENTRIES)
+def _mission(name: str, path: Path, edition: str) -> Json:
+    """Return a mission's entry in the list, with its errors if it has some.
+
+    ``edition`` is that of the files on which it depends; empty for a shipped mission.
+    """
+    told = _entry("missions", name, path, edition)
     try:
         found = load_with_own(name)
     except (InvalidFileError, UnknownNameError) as error:
-        return {"name": name, "summary": "", "parts": [], "trouble": str(error)[:2000]}
+        return {**told, "summary": "", "parts": [], "trouble": str(error)[:2000]}
     parts, shape = sorted(found.tree.parts), list(_depths(drawing_of(found).root))[:MOST_DRAWN]
-    return {"name": name, "summary": found.summary, "parts": parts, "shape": shape}
+    return {**told, "summary": found.summary, "parts": parts, "shape": shape}
+
+
+def _entry(kind: str, name: str, path: Path, edition: str) -> Json:
+    """Return how a file is called in a list; a file of the user's by its own heading, and with its edition."""
+    if not edition:
+        return {"name": name}
+    title = path.stem
+    with suppress(OSError, ValueError), open_regular(path) as file:
+        text = (file.read(BEGINNING) or b"").decode("utf-8-sig", errors="replace")
+        heading = re.search(rf"^{kind.removesuffix('s')}:[ \t]+(\S.*?)[ \t]*(#.*)?$", text, re.MULTILINE)
+        title = heading[1].strip("'\"") if heading else title
+    return {"name": name, "title": title[:80], "file": str(path), "own": True, "edition": _edition([path])}
 
 
 def _depths(box: Box, depth: int = 0) -> Iterator[int]:
@@ -125,11 +200,26 @@ def _depths(box: Box, depth: int = 0) -> Iterator[int]:
         yield from _depths(child, depth + 1)
 
 
-def _summary(name: str, path: Path, load: Callable[[Path], object]) -> Json:
+@lru_cache(maxsize=MOST_ENTRIES)
+def _robot(name: str, path: Path, edition: str) -> Json:
+    return _summary("robots", name, path, edition, load_robot)
+
+
+@lru_cache(maxsize=MOST_ENTRIES)
+def _world(name: str, path: Path, edition: str) -> Json:
+    return _summary("worlds", name, path, edition, load_world)
+
+
+def _summary(kind: str, name: str, path: Path, edition: str, load: Callable[[Path], object]) -> Json:
+    told = _entry(kind, name, path, edition)
     try:
-        return {"name": name, "summary": str(getattr(load(path), "summary", ""))}
+        return {**told, "summary": str(getattr(load(path), "summary", ""))}
     except InvalidFileError as error:
-        return {"name": name, "summary": "", "trouble": str(error)[:2000]}
+        return {**told, "summary": "", "trouble": str(error)[:2000]}
+
+
+MAKES: Mapping[str, Callable[[str, Path, str], Json]] = {"missions": _mission, "robots": _robot, "worlds": _world}
+"""What makes an entry of each list: of a name, its file, and the edition of all files on which it may depend."""
 
 
 def _people() -> list[str]:

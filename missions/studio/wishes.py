@@ -24,6 +24,9 @@ class Library(Command):
 
     word: ClassVar[str] = "library"
     role: ClassVar[Role] = "viewer"
+    edition: Annotated[
+        str, "The one that you have: while nothing has changed since, the answer holds nothing more.", Bound(high=64)
+    ] = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -31,6 +31,17 @@ export function put(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
+/** Give a list these children; one that stays is not moved, so that it keeps the keyboard and its place. */
+export function arrange(list, nodes) {
+  const wanted = new Set(nodes);
+  for (const old of [...list.children]) if (!wanted.has(old)) old.remove();
+  let next = list.firstChild;
+  for (const node of nodes) {
+    if (node === next) next = next.nextSibling;
+    else list.insertBefore(node, next);
+  }
+}
+
 /** Return a button; `more` are its attributes. */
 export function button(text, onclick, more) {
   return el("button", { type: "button", onclick, ...more }, text);
@@ -53,6 +64,13 @@ export function choice(options, value = "") {
     select.append(el("option", { value: held, selected: held === value ? true : false }, text));
   }
   return select;
+}
+
+/** Give a choice other options; what is chosen stays so while it is among them. */
+export function offer(select, options) {
+  const { value } = select;
+  select.replaceChildren(...choice(options).children);
+  if (options.some((option) => (Array.isArray(option) ? option[0] : option) === value)) select.value = value;
 }
 
 /** Return a switch: a button that is on or off. The space bar is STOP, so nothing here is a check box. */

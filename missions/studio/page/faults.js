@@ -1,6 +1,6 @@
 // What goes wrong on request with a run in simulated time, in the words of test files: `camera frozen 2 s`.
 
-import { button, choice, el, field, panel, put, tell } from "./dom.js";
+import { button, choice, el, field, offer, panel, put, tell } from "./dom.js";
 import { plain } from "./words.js";
 
 export class Faults {
@@ -39,7 +39,7 @@ export class Faults {
     this.#strike.disabled = !may;
     if (this.#told === String(examples)) return; // what has the keyboard keeps it
     this.#told = String(examples);
-    this.#what.replaceChildren(...choice(examples).children);
+    offer(this.#what, examples);
     this.#fit();
   }
 

@@ -1,7 +1,7 @@
 // Forms made of declarations: the params of a mission, and on what it runs.
 
-import { choice, el, field, toggle } from "./dom.js";
-import { plain } from "./words.js";
+import { choice, el, field, offer, toggle } from "./dom.js";
+import { heading, plain } from "./words.js";
 
 const QUANTITY = /^\s*(-?[\d.]+)\s*([^\d\s][^\s]*)\s*$/;
 
@@ -20,17 +20,17 @@ function control(param, people) {
   }
   const numeric = kind === "number" || kind === "count";
   const input = el("input", { type: "text", value: given, autocomplete: "off", ...(numeric && { inputmode: "decimal" }) });
-  return { node: input, labelled: input, text: () => input.value.trim() };
+  return { node: input, labelled: input, text: () => input.value.trim(), set: (text) => (input.value = text) };
 }
 
 function of_choice(select) {
-  return { node: select, labelled: select, text: () => select.value };
+  return { node: select, labelled: select, text: () => select.value, set: (text) => [...select.options].some((each) => each.value === text) && (select.value = text) };
 }
 
 function of_flag(given) {
   const [yes, no] = /^(yes|no)$/.test(given) ? ["yes", "no"] : ["true", "false"];
   const node = toggle("", given === yes);
-  return { node, labelled: node, text: () => (node.getAttribute("aria-checked") === "true" ? yes : no) };
+  return { node, labelled: node, text: () => (node.getAttribute("aria-checked") === "true" ? yes : no), set: (text) => node.setAttribute("aria-checked", String(text === yes)) };
 }
 
 function of_quantity(units, found) {
@@ -38,7 +38,11 @@ function of_quantity(units, found) {
   const unit = choice(units, found?.[2] ?? units[0]);
   unit.setAttribute("aria-label", "unit");
   const node = el("span", { class: "joined" }, input, unit);
-  return { node, labelled: input, text: () => (input.value.trim() ? `${input.value.trim()} ${unit.value}` : "") };
+  const set = (text) => {
+    const [, number, name] = QUANTITY.exec(text) ?? [];
+    if (units.includes(name)) [input.value, unit.value] = [number, name];
+  };
+  return { node, labelled: input, text: () => (input.value.trim() ? `${input.value.trim()} ${unit.value}` : ""), set };
 }
 
 function help(param) {
@@ -67,18 +71,30 @@ export class Params {
     this.node = el("div", { class: "fields" }, rows.length ? rows : el("p", { class: "hint" }, "This mission has no params."));
   }
 
+  /** Take over what somebody has entered in a former form: those of its texts that differ from its defaults. */
+  keep(former) {
+    const { values } = former.changed;
+    for (const [param, { set }] of this.#controls) if (param.name in values) set(values[param.name]);
+  }
+
+  /** What differs from the defaults, and the param that must be given and is not. */
+  get changed() {
+    const values = {};
+    let missing = null;
+    for (const [param, { text }] of this.#controls) {
+      const value = text();
+      if (param.default === null && !value) missing ??= param;
+      else if (value !== (param.default ?? "")) values[param.name] = value;
+    }
+    return { values, missing };
+  }
+
   /** What differs from the defaults, as texts. Throws an Error with the name of one that is missing. */
   get values() {
-    const found = {};
-    for (const [param, { text, labelled }] of this.#controls) {
-      const value = text();
-      if (param.default === null && !value) {
-        labelled.focus();
-        throw new Error(`“${plain(param.name)}” must be given.`);
-      }
-      if (value !== (param.default ?? "")) found[param.name] = value;
-    }
-    return found;
+    const { values, missing } = this.changed;
+    if (!missing) return values;
+    this.#controls.get(missing).labelled.focus();
+    throw new Error(`“${plain(missing.name)}” must be given.`);
   }
 }
 
@@ -92,10 +108,10 @@ const SPEEDS = [["0.2", "0.2 ×"], ["0.5", "0.5 ×"], ["1", "real time"], ["2", 
 export class Target {
   #real = false;
 
-  constructor({ robots, worlds }) {
-    const named = (each) => [each.name, each.summary ? `${plain(each.name)}: ${each.summary}` : plain(each.name)];
-    this.robot = choice([["", "the usual one"], ...robots.map(named)]);
-    this.world = choice([["", "the usual one"], ...worlds.map(named)]);
+  constructor(library) {
+    this.robot = choice([]);
+    this.world = choice([]);
+    this.update(library);
     this.how = choice(HOW);
     this.speed = choice(SPEEDS, "1");
     this.seed = el("input", { type: "text", inputmode: "numeric", value: "0", size: "6" });
@@ -113,6 +129,13 @@ export class Target {
     this.moving = el("div", { class: "warning", hidden: true }, el("p", null, "The robot will move."), this.sure);
     this.how.addEventListener("change", () => (this.paced.hidden = this.how.value !== "fast"));
     this.node = el("div", { class: "target" }, kinds, field("Robot", this.robot), this.simulated, this.moving);
+  }
+
+  /** Offer the robots and worlds that there are now. */
+  update({ robots, worlds }) {
+    const named = (each) => [each.name, [heading(each), each.trouble ? "has errors" : each.summary].filter(Boolean).join(": ")];
+    offer(this.robot, [["", "the usual one"], ...robots.map(named)]);
+    offer(this.world, [["", "the usual one"], ...worlds.map(named)]);
   }
 
   /** Whether a robot would move. */

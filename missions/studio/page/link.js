@@ -83,9 +83,9 @@ export class Link {
     });
   }
 
-  /** Return what there is to run, and on what: to read it all for the first time takes a small computer a while. */
-  library() {
-    return this.ask({ do: "library" }, READING);
+  /** Return what there is to run, and on what, unless it is still the `edition`: the first time takes a while. */
+  library(edition = "") {
+    return this.ask({ do: "library", edition }, READING);
   }
 
   /** Try now to open a link that is lost; or, with a new cookie, one that was refused. */

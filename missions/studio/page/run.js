@@ -1,12 +1,14 @@
 // Run: what there is to run, and a form to run it.
 
-import { button, el, field, panel, put, tell, toggle } from "./dom.js";
+import { arrange, button, el, field, panel, put, tell, toggle } from "./dom.js";
 import { Params, Target } from "./form.js";
 import { links } from "./links.js";
 import { pose } from "./pose.js";
 import { sketch } from "./sketch.js";
-import { plain } from "./words.js";
+import { heading, plain } from "./words.js";
 import "./tree.js";
+
+const EVERY = 3000; // milliseconds from one look for changed files to the next
 
 export class Run {
   #link;
@@ -15,9 +17,15 @@ export class Run {
   #target = null;
   #mission = null;
   #chosen = "";
+  #edition = ""; // of the file of the mission that is chosen
   #params = null;
+  #items = new Map(); // of the list: by name, the entry that it shows and its element
+  #timer = 0;
+  #trouble = el("p", { class: "trouble", role: "alert" });
   #search = el("input", { type: "search", placeholder: "Search missions", "aria-label": "Search missions" });
   #list = el("ul", { class: "missions" });
+  #yours = el("li", { class: "group" }, "Yours");
+  #shipped = el("li", { class: "group" }, "Shipped with MissionTree");
   #motions = el("div", { class: "motions", role: "group", "aria-label": "The eight motions" });
   #people = el("p", { class: "hint" });
   #person = el("input", { type: "text", autocomplete: "off" });
@@ -42,7 +50,7 @@ export class Run {
     this.#watcher = watcher;
     this.#links.append(links(link, stop));
     this.#search.addEventListener("input", () => this.#filter());
-    const library = panel("Missions", "missions", this.#search, this.#list);
+    const library = panel("Missions", "missions", this.#search, this.#trouble, this.#list);
     this.node = el("div", { class: "view run" },
       el("div", { class: "side" }, panel("Motions", "eight", this.#motions), library, panel("People", "people", this.#people, this.#enrolling),
         panel("Check-up", "checkup", this.#checkup), this.#links),
@@ -51,37 +59,67 @@ export class Run {
 
   async show(name) {
     this.#links.hidden = this.#enrolling.hidden = this.#link.welcome?.role !== "operator";
+    clearInterval(this.#timer);
+    this.#timer = setInterval(() => document.hidden || this.#refresh(), EVERY);
     try {
-      this.#library ??= await this.#fetch();
+      await this.#fetch();
     } catch (error) {
-      this.#form.replaceChildren();
       tell(error);
-      return;
+      if (!this.#library) return this.#form.replaceChildren();
     }
     this.node.classList.toggle("has-chosen", Boolean(name));
     if (name) await this.#choose(name);
-    else if (!this.#mission) this.#form.replaceChildren(el("p", { class: "empty" }, "Choose a mission."));
+    else if (!this.#chosen) this.#form.replaceChildren(el("p", { class: "empty" }, "Choose a mission."));
   }
 
-  hide() {}
+  hide() {
+    clearInterval(this.#timer);
+  }
 
+  /** Show what was added, changed or removed; one that is chosen is read again. */
+  async #refresh() {
+    if (!this.#library || !this.#link.open) return;
+    try {
+      if ((await this.#fetch()) && this.#chosen) await this.#choose(this.#chosen);
+    } catch (error) {
+      if (error.error !== "lost") tell(error);
+    }
+  }
+
+  /** Read what there is to run, if that is another than before; return whether it is. */
   async #fetch() {
-    const library = await this.#link.library();
-    this.#target = new Target(library);
-    this.#target.node.addEventListener("change", () => this.#named());
-    this.#list.replaceChildren(...library.missions.map(({ name, summary, trouble, shape }) => {
-      const words = `${name} ${plain(name)} ${summary}`.toLowerCase();
-      const link = el("a", { href: `#run/${encodeURIComponent(name)}` }, el("b", null, plain(name)), shape && sketch(shape), el("span", null, summary || trouble));
-      return el("li", { "data-words": words }, link);
-    }));
-    this.#motions.replaceChildren(...library.motions.map((name, at) => {
-      const node = button("", () => this.#move(name));
-      node.append(el("b", null, String(at + 1)), el("span", null, plain(name.split("/").at(-1))));
-      return node;
-    }));
+    const library = await this.#link.library(this.#library?.edition);
+    if (!library.missions) return false;
+    this.#library = library;
+    if (this.#target) this.#target.update(library);
+    else {
+      this.#target = new Target(library);
+      this.#target.node.addEventListener("change", () => this.#named());
+      this.#motions.replaceChildren(...library.motions.map((name, at) => {
+        const node = button("", () => this.#move(name));
+        node.append(el("b", null, String(at + 1)), el("span", null, plain(name.split("/").at(-1))));
+        return node;
+      }));
+    }
+    this.#arrange(library.missions);
+    put(this.#trouble, library.trouble);
     put(this.#people, library.people.length ? `The robot knows ${library.people.join(", ")}.` : "The robot knows nobody yet: mission person add NAME");
     this.#checkup.replaceChildren(...checked(library.checkup));
-    return library;
+    return true;
+  }
+
+  #arrange(missions) {
+    const own = missions.findIndex((each) => !each.own);
+    const items = new Map(missions.map((entry) => {
+      const text = JSON.stringify(entry);
+      const old = this.#items.get(entry.name);
+      return [entry.name, old?.text === text ? old : { text, entry, node: item(entry) }];
+    }));
+    this.#items = items;
+    const nodes = [...items.values()].map(({ node }) => node);
+    if (own > 0) nodes.splice(own, 0, this.#shipped);
+    arrange(this.#list, own > 0 ? [this.#yours, ...nodes] : nodes);
+    this.#filter();
   }
 
   /** Let the robot know who stands before the camera of this browser (`here`), or of the run that is shown. */
@@ -95,8 +133,7 @@ export class Run {
       if (here) await pose(this.#seen, (words) => tell(words, "good"), (jpeg) => this.#link.ask({ do: "show_person", jpeg }));
       const { message } = await this.#link.ask({ do: "add_person", name, run: here ? "" : this.#watcher.run }, 70000);
       tell(message, "good");
-      this.#library = null;
-      await this.show(this.#chosen);
+      await this.#refresh();
     } catch (error) {
       tell(error);
     } finally {
@@ -106,28 +143,33 @@ export class Run {
 
   #filter() {
     const words = this.#search.value.toLowerCase().split(/\s+/).filter(Boolean);
-    for (const item of this.#list.children) item.hidden = !words.every((word) => item.dataset.words.includes(word));
+    for (const each of this.#list.children) each.hidden = !words.every((word) => (each.dataset.words ?? "").includes(word));
   }
 
   async #choose(name) {
-    if (this.#chosen === name) return;
+    const edition = this.#items.get(name)?.text ?? "";
+    if (this.#chosen === name && this.#edition === edition) return;
+    const former = this.#chosen === name ? this.#params : null;
+    this.#chosen = name;
+    this.#edition = edition;
+    this.#params = this.#mission = null;
     let mission;
     try {
       mission = await this.#link.ask({ do: "mission", name });
     } catch (error) {
-      tell(error);
-      this.#form.replaceChildren(el("p", { class: "empty" }, error.message));
+      if (this.#chosen === name) this.#form.replaceChildren(el("p", { class: "back" }, el("a", { href: "#run" }, "‹ all missions")), el("p", { class: "trouble", role: "alert" }, error.message, error.hint && `\nTry: ${error.hint}`));
       return;
     }
+    if (this.#chosen !== name) return; // another one was chosen meanwhile
     this.#mission = mission;
-    this.#chosen = name;
     this.#params = new Params(mission.params, this.#library.people);
+    if (former) this.#params.keep(former);
     const tree = el("studio-tree", { class: "preview" });
     tree.draw(mission.drawing);
     const { at, every, priority, retry } = this.#when;
     this.#form.replaceChildren(
       el("p", { class: "back" }, el("a", { href: "#run" }, "‹ all missions")),
-      el("h1", null, plain(mission.name)),
+      el("h1", null, plain(mission.title)),
       el("p", { class: "summary" }, mission.summary),
       panel("Params", "params", this.#params.node),
       panel("On what", "target", this.#target.node),
@@ -192,6 +234,15 @@ export class Run {
       tell(error);
     }
   }
+}
+
+/** The entry of a mission in the list. */
+function item(entry) {
+  const { name, title, summary, trouble, shape, own } = entry;
+  const words = `${name} ${title ?? ""} ${heading(entry)} ${summary}`.toLowerCase();
+  const link = el("a", { href: `#run/${encodeURIComponent(name)}` },
+    el("b", null, plain(title ?? name)), shape && sketch(shape), el("span", { class: trouble ? "trouble" : "" }, trouble || summary), own && el("small", null, name));
+  return el("li", { "data-words": words }, link);
 }
 
 /** The last check-up in words: what ails, with what to try. */

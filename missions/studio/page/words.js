@@ -32,6 +32,9 @@ export function bytes(size) {
 /** Return a name of ours for people: "elbow_turn" is "elbow turn". */
 export const plain = (name) => String(name).replaceAll("_", " ");
 
+/** Return what an entry of the library is called: a file of the user's by its heading, with the file. */
+export const heading = ({ name, title, own }) => (own ? `${plain(title)} (${name.split("/").at(-1)})` : plain(title ?? name));
+
 /** Return a number with so many digits that matter. */
 export const figure = (value) => (typeof value === "number" ? String(+value.toFixed(Math.abs(value) < 10 ? 2 : 1)) : String(value));
 

@@ -1,0 +1,118 @@
+"""The list of what there is to run: the user's own files first, and another edition once one of them changes."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from config.defaults import config_folder
+from missions.library.folders import checkup_file
+from missions.studio import library
+from missions.studio.form import BadMessage
+from missions.studio.wishes import Library, Mission
+from tests.cases import each
+
+SAYS = "mission: {}\ntree:\n  say: Hello\n"
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def write(path: Path, text: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def entries(kind: str = "missions") -> dict[str, dict[str, object]]:
+    found = library.library(Library())[kind]
+    assert isinstance(found, list)
+    return {entry["name"]: entry for entry in found}
+
+
+def edition() -> str:
+    return str(library.library(Library())["edition"])
+
+
+def test_own_missions_come_first_under_their_names(here: Path) -> None:
+    write(here / "zzz one.yaml", SAYS.format("'my dance' # the best"))
+    write(here / "broken.yaml", "mission: broken_dance\ntree:\n  sya: Hello\n")
+    write(config_folder() / "missions" / "evening.yaml", SAYS.format("good_night"))
+    found = entries()
+    assert [(each["name"], each["title"]) for each in list(found.values())[:3]] == [
+        ("broken.yaml", "broken_dance"), ("zzz one.yaml", "my dance"), ("evening", "good_night"),
+    ]  # fmt: skip
+    assert "\n" in str(found["broken.yaml"]["trouble"])
+    assert [name for name, each in found.items() if each.get("own")] == ["broken.yaml", "zzz one.yaml", "evening"]
+
+
+def test_own_robots_and_worlds_of_the_users_folders_are_offered(here: Path) -> None:
+    shipped = Path(library.__file__).parents[2] / "config"
+    robot = (shipped / "robots" / "turtlebot2.yaml").read_text(encoding="utf-8")
+    world = next((shipped / "worlds").glob("*.yaml"))
+    write(config_folder() / "robots" / "homebot.yaml", robot)
+    write(config_folder() / "defaults.yaml", f"folders: [{here / 'mine'}]\n")
+    write(here / "mine" / "worlds" / "my_room.yaml", world.read_text(encoding="utf-8"))
+    assert next(iter(entries("robots"))) == "homebot"
+    assert next(iter(entries("worlds"))) == "my_room"
+    assert library.check_name("robots", "homebot") == "homebot"
+
+
+@pytest.mark.usefixtures("here")
+def test_an_own_file_with_the_name_of_a_shipped_one_goes_by_its_path() -> None:
+    path = write(config_folder() / "missions" / "greet.yaml", SAYS.format("my_greet"))
+    found = entries()
+    assert found[str(path)]["title"] == "my_greet"
+    assert "own" not in found["greet"]
+    assert library.mission(Mission(name=str(path)))["title"] == "my_greet"
+
+
+@each("change", ["added", "changed", "removed", "leaves beside it", "a part in a folder", "the check-up"])
+def test_a_change_of_a_file_gives_another_edition(here: Path, change: str) -> None:
+    one = write(here / "one.yaml", SAYS.format("one"))
+    leaves = write(here / "behaviours" / "mine.py", "")
+    part = write(here / "parts" / "part.yaml", SAYS.format("part"))
+    before = edition()
+    assert library.library(Library(edition=before)) == {"edition": before}
+    match change:
+        case "added":
+            write(here / "two.yaml", SAYS.format("two"))
+        case "changed":
+            write(one, SAYS.format("one").replace("Hello", "Hullo"))
+            os.utime(one, (1.0, 1.0))
+        case "removed":
+            one.unlink()
+        case "leaves beside it":
+            write(leaves, "X = 1\n")
+        case "a part in a folder":
+            write(part, SAYS.format("part") + "\n")
+        case _:
+            write(checkup_file(), "{}")
+    assert edition() != before
+
+
+def test_a_mission_is_checked_again_when_the_one_in_it_changes(here: Path) -> None:
+    write(here / "whole.yaml", "mission: whole\ntree:\n  mission: part.yaml\n")
+    part = write(here / "part.yaml", SAYS.format("part"))
+    assert "trouble" not in entries()["whole.yaml"]
+    write(part, "mission: part\ntree:\n  sya: Hello there\n")
+    assert "sya" in str(entries()["whole.yaml"]["trouble"])
+
+
+def test_defaults_with_errors_and_a_folder_that_is_gone_hide_no_shipped_mission(here: Path) -> None:
+    write(config_folder() / "defaults.yaml", "robt: x\n")
+    assert "robt" in str(library.library(Library())["trouble"])
+    assert "greet" in entries()
+    here.rename(here.with_name("gone"))
+    here.with_name("gone").rename(here)
+    assert library.check_name("missions", "greet") == "greet"
+
+
+def test_no_name_leads_elsewhere(here: Path) -> None:
+    write(here / "inner" / "hidden.yaml", SAYS.format("hidden"))
+    for name in ("inner/hidden.yaml", str(here / "inner" / "hidden.yaml"), "../x.yaml"):
+        with pytest.raises(BadMessage, match="there is no mission"):
+            library.check_name("missions", name)
