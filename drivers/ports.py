@@ -5,10 +5,12 @@ What stands at the place of one is found out without opening it: that alone rese
 
 import errno
 import os
+import re
 import select
 import stat
 import termios
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -58,6 +60,40 @@ def refuse_other_than_serial(ports: Mapping[str, str]) -> None:
     if wrong:
         found = (f"{part}: {ports[part]}: no serial port, but {what}" for part, what in wrong.items())
         raise NotConnected("\n".join(found), hint=LISTED)
+
+
+DEBUG_CONNECTOR, PINS = "/dev/ttyAMA10", "/dev/ttyAMA0"
+"""Serial ports of a Raspberry Pi 5: of its debug connector, where /dev/serial0 leads, and of GPIO 14 and 15."""
+
+UART_ON = "dtparam=uart0=on in /boot/firmware/config.txt, and a restart"
+"""What switches the port of the pins on."""
+
+_PI_5 = re.compile(r"Raspberry Pi (5|500|Compute Module 5)\b")
+
+
+def is_raspberry_pi_5(root: Path = Path("/")) -> bool:
+    """Return whether the machine whose files lie under ``root`` has the chip of a Raspberry Pi 5."""
+    tree = root / "proc/device-tree"
+    with suppress(OSError):
+        if _PI_5.search((tree / "model").read_text(errors="replace")):
+            return True
+    with suppress(OSError):
+        return "brcm,bcm2712" in (tree / "compatible").read_text(errors="replace").split("\0")
+    return False
+
+
+def refuse_debug_connector(who: str, port: str, root: Path = Path("/")) -> None:
+    """Raise NotConnected for a link such as /dev/serial0 to the debug connector of a Raspberry Pi 5.
+
+    ``DEBUG_CONNECTOR`` itself is let through: a device may be wired to it on purpose.
+    """
+    if port == DEBUG_CONNECTOR or not (root / port.lstrip("/")).is_symlink():
+        return
+    if (root / port.lstrip("/")).resolve().name == Path(DEBUG_CONNECTOR).name and is_raspberry_pi_5(root):
+        what = (
+            f"{who}: {port}: leads to the debug connector of this Raspberry Pi 5 ({DEBUG_CONNECTOR}), not to its pins"
+        )
+        raise NotConnected(what, hint=f"port: {PINS}  (GPIO 14 and 15, after {UART_ON})")
 
 
 _CONTROL_FLAGS = 2
@@ -115,8 +151,10 @@ class SerialPort(serial.Serial):
 def open_port(who: str, port: str, baud: int, *, timeout: float = 0.02) -> SerialPort:
     """Open ``port`` at ``baud``, 8N1, exclusively; reads wait ``timeout`` seconds at most, writes half a second.
 
-    Raises NotConnected, with what to try: nothing there, no serial port, no right to it, or held by another process.
+    Raises NotConnected, with what to try: nothing there, no serial port, no right to it, or held by another
+    process; a name of the debug connector of a Raspberry Pi 5.
     """
+    refuse_debug_connector(who, port)
     refuse_other_than_serial({who: port})
     try:
         return SerialPort(port, baud, timeout=timeout, write_timeout=0.5, exclusive=True)

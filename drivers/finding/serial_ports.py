@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from drivers.finding.machine import Machine, Process
 from drivers.finding.usb import ADAPTERS, Usb, all_usb, usb_of
+from drivers.ports import DEBUG_CONNECTOR, PINS, UART_ON, is_raspberry_pi_5
 
 SLOW = 1
 """Milliseconds that an adapter may hold bytes back without doing harm."""
@@ -44,11 +45,12 @@ class SerialPort:
     holders: tuple[Process, ...] = ()
     shut: Trouble | None = None
     troubles: tuple[Trouble, ...] = ()
+    own: str = "a port of the computer itself"
 
     @property
     def title(self) -> str:
         """What it is."""
-        return "a port of the computer itself" if self.usb is None else f"{self.usb.title}, {self.usb.ids}"
+        return self.own if self.usb is None else f"{self.usb.title}, {self.usb.ids}"
 
 
 def serial_ports(machine: Machine) -> list[SerialPort]:
@@ -57,7 +59,16 @@ def serial_ports(machine: Machine) -> list[SerialPort]:
     links, holders = _links(machine), machine.holders()
     found = [_port(machine, path, links.get(path, ()), tuple(holders.get(path, ()))) for path in paths]
     alike = Counter(port.usb.ids + port.usb.serial for port in found if port.usb is not None)
-    return [_called(port, alone=port.usb is None or alike[port.usb.ids + port.usb.serial] == 1) for port in found]
+    called = [_called(port, alone=port.usb is None or alike[port.usb.ids + port.usb.serial] == 1) for port in found]
+    return [_of_pi_5(port) for port in called] if is_raspberry_pi_5(machine.root) else called
+
+
+def _of_pi_5(port: SerialPort) -> SerialPort:
+    """Tell the pins of a Raspberry Pi 5 from its debug connector, to which /dev/serial0 leads on this model alone."""
+    if port.path == DEBUG_CONNECTOR:
+        own = f"the debug connector of this Raspberry Pi 5; its pins (GPIO 14 and 15) are {PINS}, after {UART_ON}"
+        return replace(port, own=own, call=port.path)
+    return replace(port, own="the pins GPIO 14 and 15", call=port.path) if port.path == PINS else port
 
 
 def lost_adapters(machine: Machine) -> list[tuple[Usb, Trouble]]:

@@ -1,6 +1,5 @@
 """A recording that stands in for a microphone."""
 
-import wave
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +8,7 @@ from drivers.api import SOUND_RATE, DeviceStatus, Health, Report, Samples, Sound
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.guard import guarded
+from drivers.wav import BadWav, blocks, read_header
 
 PIECE = 320
 """Samples in a piece: 20 ms."""
@@ -26,7 +26,7 @@ RATES = (4_000, 384_000)
 class WavMicrophone:
     """A ``drivers.api.Microphone`` that plays the WAV file at ``path`` from the moment when it is opened.
 
-    Any rate and number of channels, 16 bits a sample. It plays on the clock; behind the end, and with ``loop`` never,
+    Any rate and number of channels. It plays on the clock; behind the end, and with ``loop`` never,
     it is silent.
     """
 
@@ -90,34 +90,33 @@ class WavMicrophone:
 def load(name: str, path: Path) -> Samples:
     """Return the sound in a WAV file at the rate of microphones; ``name`` wants it.
 
-    What the header says is believed as far as the file has it. Raises NotConnected for what is no WAV file, of rates
-    that no recording has, and longer than five minutes.
+    What the header says is believed as far as the file has it. Raises NotConnected for a file that ``drivers.wav``
+    refuses, for rates that no recording has, and for more than five minutes.
     """
     hint = f"`file {path}` shows what it is; `ffmpeg -i {path} -ac 1 -ar {SOUND_RATE} new.wav` makes one that fits"
     if path.exists() and not path.is_file():
         raise NotConnected(f"{name}: {path}: cannot be read as a WAV file: it is no regular file", hint=hint)
     try:
-        with wave.open(str(path), "rb") as file:
-            width, channels, rate = file.getsampwidth(), file.getnchannels(), file.getframerate()
-            frames = min(file.getnframes(), path.stat().st_size // (width * channels))
-            if not RATES[0] <= rate <= RATES[1]:
+        with path.open("rb") as file:
+            form = read_header(file)
+            if not RATES[0] <= form.rate <= RATES[1]:
                 low, high = RATES
-                raise NotConnected(f"{name}: {path}: says {rate} samples a second: {low} to {high} can be", hint=hint)
-            if frames > MAX_DURATION * rate:
-                what = f"{name}: {path}: lasts {frames / rate / 60:.0f} min, and {MAX_DURATION / 60:.0f} are the most"
+                raise NotConnected(
+                    f"{name}: {path}: says {form.rate} samples a second: {low} to {high} can be", hint=hint
+                )
+            if form.seconds > MAX_DURATION:
+                what = f"{name}: {path}: lasts {form.seconds / 60:.0f} min, and {MAX_DURATION / 60:.0f} are the most"
                 cure = f"`ffmpeg -i {path} -t {MAX_DURATION:.0f} shorter.wav` keeps its beginning"
                 raise NotConnected(what, hint=cure)
-            data = file.readframes(frames)
+            sound = np.concatenate([block.mean(axis=1) for block in blocks(file, form)])
     except NotConnected:
         raise
     except FileNotFoundError:
         raise NotConnected(f"{name}: {path}: no such file", hint=f"`ls {path.parent}` lists what is there") from None
-    except (OSError, EOFError, RuntimeError, wave.Error) as error:  # RuntimeError: a chunk that ends behind the file
-        raise NotConnected(f"{name}: {path}: cannot be read as a WAV file: {error}", hint=hint) from error
-    if width != 2:
-        raise NotConnected(f"{name}: {path}: has {8 * width} bits a sample, not 16", hint=hint)
-    whole = np.frombuffer(data[: len(data) // (2 * channels) * 2 * channels], "<i2").reshape(-1, channels)
-    return resampled(whole.mean(axis=1), rate)
+    except (OSError, BadWav) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise NotConnected(f"{name}: {path}: cannot be read as a WAV file: {why}", hint=hint) from error
+    return resampled(sound, form.rate)
 
 
 def resampled(sound: np.ndarray[tuple[int], np.dtype[np.float64]], rate: int) -> Samples:

@@ -11,7 +11,10 @@ import os
 import select
 import signal
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from drivers.clock import SystemClock
 from drivers.keeper.keeper import Keeper
@@ -31,6 +34,34 @@ def main(told: str) -> int:
     """Hold what ``told`` (JSON) is about, until the standard input ends; return the exit code."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
         signal.signal(number, signal.SIG_IGN)
+    try:
+        with notification_folder():
+            return hold(told)
+    except OSError as error:  # of the folder: nothing is held
+        return complain(error)
+
+
+@contextmanager
+def notification_folder() -> Iterator[None]:
+    """Have lgpio write its notification files into a private folder, for as long as this process lasts.
+
+    Else it takes the current folder, and has no pins where that is read-only. It looks for the folder as it is
+    imported: by LG_WD, and in old versions partly in the current one.
+    """
+    chosen, before = os.environ.get("LG_WD"), Path.cwd()
+    with TemporaryDirectory(prefix="missiontree-lgpio-", ignore_cleanup_errors=True) as own:
+        os.environ["LG_WD"] = chosen or own
+        os.chdir(chosen or own)
+        try:
+            yield
+        finally:
+            os.chdir(before)
+            if chosen is None:
+                del os.environ["LG_WD"]
+
+
+def hold(told: str) -> int:
+    """Hold what ``told`` (JSON) is about, until the standard input ends; return the exit code."""
     clock = SystemClock()
     try:
         held = hands(json.loads(told))

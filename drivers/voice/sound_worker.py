@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Generator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from threading import Event, Lock, Thread
 from types import ModuleType
 from typing import Any
@@ -167,11 +168,11 @@ class Player:
             self._pipe.tell(refused=number, why=why)
             return
         try:
-            sound = miniaudio.decode_file(path, miniaudio.SampleFormat.SIGNED16, nchannels=1, sample_rate=rate)
+            samples = _decode_file(path, rate)
         except miniaudio.MiniaudioError as error:
             self._pipe.tell(refused=number, why=str(error.args[0]))
         else:
-            self._add(number, rate, sound.samples.tobytes(), whole=True)
+            self._add(number, rate, samples, whole=True)
 
     def _add(self, number: int, rate: int, samples: bytes, *, whole: bool) -> None:
         """Have samples played, by a device that plays."""
@@ -260,11 +261,21 @@ class Player:
         self._idler.join()
 
 
+def _decode_file(path: str, rate: int) -> bytes:
+    """Return a file in one channel of 16 bits. Raises miniaudio.MiniaudioError."""
+    # By way of floats: miniaudio mixes more than two channels of 16 bits with an overflow, which is loud noise.
+    floats, whole = miniaudio.SampleFormat.FLOAT32, miniaudio.SampleFormat.SIGNED16
+    sound = miniaudio.decode_file(path, floats, nchannels=1, sample_rate=rate)
+    return bytes(miniaudio.convert_frames(floats, 1, rate, sound.samples.tobytes(), whole, 1, rate))
+
+
 def _seconds_of(path: str) -> float:
-    """Return how long a file lasts that says so truly, else 0; miniaudio tells what it is by its suffix."""
-    if not path.lower().endswith(".wav"):
-        with suppress(miniaudio.MiniaudioError):
-            return float(miniaudio.get_file_info(path).duration)
+    """Return how long a file lasts that is not WAV, whatever its suffix says, else 0; the robot measures WAV files."""
+    with suppress(miniaudio.MiniaudioError, OSError), Path(path).open("rb") as file:
+        begin = file.read(4)
+        measures = {b"fLaC": miniaudio.flac_get_file_info, b"OggS": miniaudio.vorbis_get_file_info}
+        if begin not in (b"RIFF", b"RF64"):
+            return float(measures.get(begin, miniaudio.mp3_get_file_info)(path).duration)
     return 0.0
 
 

@@ -3,18 +3,12 @@
 Their first bytes alone pass much that no player takes, an Ogg file with Opus in it, say.
 """
 
-import wave
 from contextlib import suppress
 from pathlib import Path
-from struct import Struct
 from typing import BinaryIO
 
 from drivers.errors import BadRequest
-
-_PLAYED = frozenset({1, 2, 3, 6, 7, 0x11, 0xFFFE})
-"""Formats of WAV files: plain, ADPCM, floats, two kinds of telephone, IMA, and those that say more elsewhere."""
-
-_CHUNK, _FORMAT = Struct("<4sI"), Struct("<HHI")
+from drivers.wav import BadWav, read_header
 
 _BITRATES = {
     True: (0, 32, 40, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320),
@@ -30,11 +24,14 @@ _SEARCHED = 65_536
 
 
 def playable(file: BinaryIO) -> bool:
-    """Return whether the file begins as a sound that can be played, and has something of it. Raises OSError."""
+    """Return whether the file begins as a sound that can be played, and has something of it.
+
+    Raises BadWav for a WAV file that cannot be played, OSError.
+    """
     file.seek(0)
     begin = file.read(64)
-    if begin[:4] == b"RIFF":
-        return begin[8:12] == b"WAVE" and _wav(file)
+    if _is_wav(begin):
+        return read_header(file).size > 0
     if begin[:4] == b"fLaC":
         rate = int.from_bytes(begin[18:21], "big") >> 4
         return begin[4] & 0x7F == 0 and begin[5:8] == b"\0\0\x22" and rate > 0 and len(begin) > 42
@@ -44,20 +41,8 @@ def playable(file: BinaryIO) -> bool:
     return _mp3(file, begin)
 
 
-def _wav(file: BinaryIO) -> bool:
-    """Look for a format that can be played, and samples behind it."""
-    file.seek(12)
-    known = False
-    while len(head := file.read(_CHUNK.size)) == _CHUNK.size:
-        name, size = _CHUNK.unpack(head)
-        body = file.read(min(size, 16))
-        if name == b"data":
-            return known and len(body) > 0
-        if name == b"fmt " and len(body) == 16:
-            kind, channels, rate = _FORMAT.unpack(body[:8])
-            known = kind in _PLAYED and channels > 0 and rate > 0
-        file.seek(size + size % 2 - len(body), 1)
-    return False
+def _is_wav(begin: bytes) -> bool:
+    return begin[:4] in (b"RIFF", b"RIFX", b"RF64")
 
 
 def _mp3(file: BinaryIO, begin: bytes) -> bool:
@@ -102,16 +87,19 @@ def checked(name: str, path: Path) -> Path:
     """
     if not path.is_file():
         raise BadRequest(f"{name}: {path}: no such file", hint=f"`ls {path.parent}` lists what is there")
+    why = ""
     try:
         with path.open("rb") as file:
             fits = playable(file)
-            is_wav = file.seek(0) == 0 and file.read(4) == b"RIFF"
+            is_wav = file.seek(0) == 0 and _is_wav(file.read(4))
     except OSError as error:
         raise BadRequest(f"{name}: {path}: {error.strerror}") from error
+    except BadWav as error:
+        fits, is_wav, why = False, True, f": {error}"
     if not fits:
         raise BadRequest(
-            f"{name}: {path}: is no WAV, MP3, FLAC or Ogg Vorbis file that can be played",
-            hint=f"`file {path}` shows what it is",
+            f"{name}: {path}: is no WAV, MP3, FLAC or Ogg Vorbis file that can be played{why}",
+            hint=f"`file {path}` shows what it is; `ffmpeg -i {path} new.wav` makes one that fits",
         )
     if is_wav and length_of(path) > MAX_DURATION:
         what = f"{name}: {path}: lasts {length_of(path) / 60:.0f} min, and a sound may last {MAX_DURATION / 60:.0f}"
@@ -120,12 +108,9 @@ def checked(name: str, path: Path) -> Path:
 
 
 def length_of(path: Path) -> float:
-    """Return about how many seconds a sound lasts: exactly for a WAV file, else as its size suggests.
-
-    A WAV file that was written to a pipe says that it is longer than it is: no program knew how long it would be.
-    """
-    size = path.stat().st_size if path.is_file() else 0
-    with suppress(OSError, EOFError, wave.Error, ZeroDivisionError), wave.open(str(path), "rb") as file:
-        there = size // (file.getsampwidth() * file.getnchannels())
-        return min(file.getnframes(), there) / file.getframerate()
-    return size / BYTES_A_SECOND
+    """Return about how many seconds a sound lasts: exactly for a WAV file, else as its size suggests."""
+    if not path.is_file():
+        return 0.0
+    with suppress(OSError, BadWav), path.open("rb") as file:
+        return read_header(file).seconds
+    return path.stat().st_size / BYTES_A_SECOND

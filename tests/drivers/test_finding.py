@@ -14,6 +14,7 @@ from drivers.arduino import wire as rosserial
 from drivers.clock import SystemClock
 from drivers.dynamixel.units import baud_code
 from drivers.dynamixel.wire import Instruction
+from drivers.errors import NotConnected
 from drivers.finding.asking import Heard, certain, drivers_that_probe, put, who_answers
 from drivers.finding.machine import Machine
 from drivers.finding.others import cameras, pads, sound_cards
@@ -21,7 +22,7 @@ from drivers.finding.serial_ports import SerialPort, lost_adapters, serial_ports
 from drivers.finding.survey import asker, survey
 from drivers.finding.usb import Usb
 from drivers.keeper import wire as lines
-from drivers.ports import open_port
+from drivers.ports import is_raspberry_pi_5, open_port, refuse_debug_connector
 from drivers.rplidar.wire import BEGIN, Command
 from drivers.sim.body import Body
 from drivers.virtual.dynamixel import VirtualServoBus
@@ -322,6 +323,61 @@ def test_the_empty_uarts_of_a_computer_are_no_ports(desk: RecordedMachine) -> No
         (desk.root / f"sys/class/tty/{name}/device").mkdir()
         desk.write(f"dev/{name}", "")
     assert [port.path for port in serial_ports(desk.machine)] == ["/dev/ttyS0"]
+
+
+def uart(desk: RecordedMachine, name: str, link: str = "") -> None:
+    """Give a computer a port of its own, with another name, if wanted."""
+    desk.write(f"sys/class/tty/{name}/type", "32")
+    (desk.root / f"sys/class/tty/{name}/device").mkdir()
+    desk.write(f"dev/{name}", "")
+    if link:
+        (desk.root / f"dev/{link}").symlink_to(name)
+
+
+BOARDS = (
+    ("Raspberry Pi 5 Model B Rev 1.0\0", "", True),
+    ("Raspberry Pi 500 Rev 1.0\0", "", True),
+    ("Raspberry Pi Compute Module 5 Rev 1.0\0", "", True),
+    ("a board of somebody else's\0", "someone,board\0brcm,bcm2712\0", True),
+    ("Raspberry Pi 4 Model B Rev 1.5\0", "raspberrypi,4-model-b\0brcm,bcm2711\0", False),
+    ("Raspberry Pi 3 Model B Plus Rev 1.3\0", "", False),
+    ("", "", False),
+)
+
+
+@pytest.mark.parametrize(("model", "compatible", "is_5"), BOARDS)
+def test_the_debug_connector_of_a_raspberry_pi_5_is_not_taken_for_its_pins(
+    desk: RecordedMachine, model: str, compatible: str, *, is_5: bool
+) -> None:
+    for name, text in (("model", model), ("compatible", compatible)):
+        if text:
+            desk.write(f"proc/device-tree/{name}", text)
+    uart(desk, "ttyAMA0")
+    uart(desk, "ttyAMA10", "serial0")
+    pins, debug = serial_ports(desk.machine)
+    assert is_raspberry_pi_5(desk.root) is is_5
+    assert (pins.call, debug.call) == ("/dev/ttyAMA0", "/dev/ttyAMA10" if is_5 else "/dev/serial0")
+    assert pins.title == ("the pins GPIO 14 and 15" if is_5 else "a port of the computer itself")
+    assert ("debug connector" in debug.title and "/dev/ttyAMA0, after dtparam=uart0=on" in debug.title) is is_5
+    refuse_debug_connector("base", "/dev/ttyAMA10", desk.root)  # somebody means it
+    refuse_debug_connector("base", "/dev/ttyAMA0", desk.root)
+    refuse_debug_connector("base", "/dev/ttyUSB0", desk.root)
+    if not is_5:
+        refuse_debug_connector("base", "/dev/serial0", desk.root)
+        return
+    with pytest.raises(
+        NotConnected, match=r"/dev/serial0: leads to the debug connector of this Raspberry Pi 5"
+    ) as told:
+        refuse_debug_connector("base", "/dev/serial0", desk.root)
+    assert told.value.hint.startswith("port: /dev/ttyAMA0  (GPIO 14 and 15, after dtparam=uart0=on")
+
+
+def test_a_raspberry_pi_5_whose_first_port_is_that_of_the_pins_is_called_by_it(desk: RecordedMachine) -> None:
+    desk.write("proc/device-tree/model", "Raspberry Pi 5 Model B Rev 1.1\0")
+    uart(desk, "ttyAMA0", "serial0")
+    (pins,) = serial_ports(desk.machine)
+    assert pins.call == "/dev/ttyAMA0"
+    refuse_debug_connector("base", "/dev/serial0", desk.root)
 
 
 def test_sound_and_game_pads_are_told(desk: RecordedMachine) -> None:

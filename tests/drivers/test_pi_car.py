@@ -165,6 +165,38 @@ def test_a_motor_on_pins_turns_both_ways_and_stands(pins: Callable[[int], float]
         assert (pins(17), pins(27), pins(12)) == pytest.approx((float(share > 0), float(share < 0), abs(share)))
 
 
+LGPIO = """
+import json, os, sys
+os.mkfifo(os.path.join(os.environ["LG_WD"], ".lgd-nfy0"))
+os.stat(".lgd-nfy0")  # as old versions look for it
+told = [os.environ["LG_WD"], os.getcwd(), oct(os.stat(os.environ["LG_WD"]).st_mode)]
+open(os.environ["JOURNAL"], "w").write(json.dumps(told))
+raise ImportError("no such pins")
+"""
+"""What lgpio does as it is imported."""
+
+
+@pytest.mark.parametrize("chosen", [False, True])
+def test_lgpio_writes_into_a_private_folder_wherever_the_guardian_is_started(tmp_path: Path, *, chosen: bool) -> None:
+    (tmp_path / "lgpio.py").write_text(LGPIO)
+    journal, own = tmp_path / "journal", tmp_path / "own"
+    own.mkdir(mode=0o700)
+    environment = {
+        **os.environ, "JOURNAL": str(journal), "GPIOZERO_PIN_FACTORY": "lgpio", "TMPDIR": str(tmp_path),
+        "PYTHONPATH": f"{tmp_path}:{ROOT}", **({"LG_WD": str(own)} if chosen else {}),
+    }  # fmt: skip
+    command = [sys.executable, "-W", "ignore", "-m", "drivers.pi_car.guardian", json.dumps(GPIO)]
+    # No file can be made in /proc, not even by root.
+    done = subprocess.run(
+        command, check=False, cwd="/proc", env=environment, stdin=subprocess.DEVNULL, capture_output=True
+    )
+    assert b"no such pins" in done.stdout, done
+    folder, here, mode = json.loads(journal.read_text())
+    assert (folder == str(own)) is chosen
+    assert (here, mode) == (folder, "0o40700")
+    assert Path(folder).exists() is chosen, "its own is removed"
+
+
 # --- the guardian, a process ------------------------------------------------------------------------------------------
 
 
