@@ -2,25 +2,32 @@
 
 import ipaddress
 import os
+import socket
 import sys
 import webbrowser
 from contextlib import closing, suppress
-from errno import EADDRNOTAVAIL
+from errno import EADDRINUSE, EADDRNOTAVAIL
 from pathlib import Path
 from ssl import SSLError
 
 import click
 
+from drivers.programs import tcp_holders
 from missions.cli.numbers import Whole
 from missions.cli.root import SUCCESS
 from missions.studio import ring
 
 PORT = 8642
 
+PORTS_TRIED = 20
+"""Ports from the usual one on that are tried where none is named."""
+
 
 @click.command(epilog="Example: mission studio --open")
 @click.option(
-    "--port", type=Whole(min=0, max=65535), default=PORT, show_default=True, help="Where; 0 for any free one."
+    "--port",
+    type=Whole(min=0, max=65535),
+    help=f"Where, 0 for any free port; {PORT} by default, or the next free one.",
 )
 @click.option(
     "--host",
@@ -54,7 +61,7 @@ PORT = 8642
 @click.option("--leash", type=Whole(), hidden=True, help="The end of a pipe: the studio ends with it.")
 @click.option("--keep-tokens", is_flag=True, help="The tokens of last time, so that links and bookmarks go on to work.")
 def command(
-    port: int,
+    port: int | None,
     host: str,
     names: tuple[str, ...],
     in_browser: bool,
@@ -72,20 +79,16 @@ def command(
     try:
         from missions.studio import tokens  # noqa: PLC0415
         from missions.studio.access import Access  # noqa: PLC0415 - the extra may be missing
-        from missions.studio.serving import Place, listening, serve  # noqa: PLC0415
+        from missions.studio.serving import Place, serve  # noqa: PLC0415
     except ImportError as error:
         raise click.UsageError(f"the studio needs {error.name}\n  try: pip install 'missiontree[studio]'") from error
     if key is not None and certificate is None:
         raise click.UsageError("--key goes with --certificate FILE")
     access = Access(*tokens.kept_tokens(), keep=tokens.keep_tokens) if keep_tokens else Access()
-    try:
-        socket = listening(Place(host, port))
-    except OSError as error:
-        hint = "another --port" if port and error.errno != EADDRNOTAVAIL else "another --host"
-        raise click.ClickException(f"{host} port {port}: {error.strerror or error}\n  try: {hint}") from error
-    with closing(socket):
+    listener = _listen(host, port)
+    with closing(listener):
         kept = ring.wanted() if record is None else record
-        place = Place(host, socket.getsockname()[1], names, certificate, key, kept, access, leash)
+        place = Place(host, listener.getsockname()[1], names, certificate, key, kept, access, leash)
 
         def begun() -> None:
             link = place.link(access.operator)
@@ -101,12 +104,40 @@ def command(
                 webbrowser.open(place.link(access.once()))  # its command line is seen by all
 
         try:
-            running = serve(place, [socket], begun)
+            running = serve(place, [listener], begun)
         except (SSLError, OSError) as error:
             raise click.ClickException(f"{certificate or host}: {error}") from error
     if running:
         click.echo(f"still running: {', '.join(map(str, running))}\n  try: mission stop --end")
     return SUCCESS
+
+
+def _listen(host: str, port: int | None) -> socket.socket:
+    """Return the socket at a port; without one, at the usual port or the next free one. Raises ClickException."""
+    from missions.studio.serving import Place, listening  # noqa: PLC0415
+
+    tried = range(PORT, PORT + PORTS_TRIED) if port is None else [port]
+    for each in tried:
+        try:
+            found = listening(Place(host, each))
+        except OSError as error:
+            if error.errno != EADDRINUSE:
+                hint = "another --port" if each and error.errno != EADDRNOTAVAIL else "another --host"
+                raise click.ClickException(f"{host} port {each}: {error.strerror or error}\n  try: {hint}") from error
+        else:
+            if each not in (PORT, port):
+                click.echo(f"port {PORT} is in use{_held_by(PORT)[0]}: this studio is at port {each}", err=True)
+            return found
+    who, ends = _held_by(tried[0])
+    cure = f"mission studio --port 0  (any free port){ends}"
+    raise click.ClickException(f"{host} port {tried[0]}: in use{who}\n  try: {cure}")
+
+
+def _held_by(port: int) -> tuple[str, str]:
+    """Return who has a port, and how to end that; empty texts where the user may not know."""
+    holders = tcp_holders(port)
+    ends = next((each.end_command for each in holders if each.end_command), "")
+    return f" by {', '.join(map(str, holders))}" if holders else "", f"; or: {ends}" if ends else ""
 
 
 def _is_loopback(host: str) -> bool:

@@ -121,6 +121,7 @@ def listening(place: Place) -> socket.socket:
         found.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # else an answer behind a message waits for 40 ms
         found.bind((place.host, place.port))
+        found.listen()  # at once: two sockets that do not listen yet may have the same port
     except BaseException:
         found.close()
         raise

@@ -1,0 +1,95 @@
+"""Programs that hold a port: named as the user started them, with the command that ends them."""
+
+import os
+import stat
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+STOPPABLE = ("run", "servo", "head", "teleop")
+"""Commands of ours that move a robot: `mission stop` ends them with all at rest."""
+
+LISTENING = "0A"
+"""State of a TCP socket that waits for connections, as /proc/net/tcp writes it."""
+
+MAX_NAME_LENGTH = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A running program: its process, and ``name``, which is the command that was typed if it is one of ours."""
+
+    pid: int
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.name} (process {self.pid})"
+
+    @property
+    def end_command(self) -> str:
+        """The command that ends it; empty for a program that is none of ours."""
+        words = self.name.split()
+        if words[:1] != ["mission"]:
+            return ""
+        return f"mission stop --end {self.pid}" if words[1:2] and words[1] in STOPPABLE else f"kill {self.pid}"
+
+
+def program_of(pid: int, root: Path = Path("/")) -> Program:
+    """Return the program of a process."""
+    folder = root / "proc" / str(pid)
+    name = _read(folder / "comm").strip() or "a program"
+    words = _read(folder / "cmdline").rstrip("\0").split("\0")
+    ours = next((at for at, word in enumerate(words) if _is_ours(words, at, word)), None)
+    if ours is not None:
+        name = " ".join(["mission", *words[ours + 1 :]])
+    elif name.startswith("python"):
+        name = " ".join([name, *(Path(word).name for word in words[1:] if word.endswith(".py"))][:2])
+    return Program(pid, name if len(name) <= MAX_NAME_LENGTH else f"{name[: MAX_NAME_LENGTH - 1]}…")
+
+
+def _is_ours(words: list[str], at: int, word: str) -> bool:
+    return (word == "missions" and words[at - 1] == "-m") or (at < 2 and Path(word).name == "mission")
+
+
+def device_holders(port: str) -> list[Program]:
+    """Return the other programs that have a device open, as far as the user may look (Linux only)."""
+    try:
+        device = Path(port).stat().st_rdev
+    except OSError:
+        return []
+
+    def holds(descriptor: Path) -> bool:
+        status = descriptor.stat()
+        return stat.S_ISCHR(status.st_mode) and status.st_rdev == device
+
+    return list(_holders(holds))
+
+
+def tcp_holders(port: int) -> list[Program]:
+    """Return the programs that wait for connections at a TCP port of this computer, as far as the user may look."""
+    inodes = set()
+    for table in ("tcp", "tcp6"):
+        for line in _read(Path("/proc/net") / table).splitlines()[1:]:
+            fields = line.split()
+            if fields[3] == LISTENING and int(fields[1].rpartition(":")[2], 16) == port:
+                inodes.add(f"socket:[{fields[9]}]")
+    return list(_holders(lambda descriptor: str(descriptor.readlink()) in inodes)) if inodes else []
+
+
+def _holders(holds: Callable[[Path], bool]) -> Iterator[Program]:
+    """Yield the other programs with an open file that ``holds`` accepts, in the order of their numbers."""
+    found = set()
+    for descriptor in Path("/proc").glob("[0-9]*/fd/*"):
+        try:
+            if holds(descriptor):
+                found.add(int(descriptor.parts[2]))
+        except OSError:
+            continue
+    yield from (program_of(pid) for pid in sorted(found - {os.getpid()}))
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""

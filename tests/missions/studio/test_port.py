@@ -1,0 +1,50 @@
+"""The port of a studio: the next free one where the usual one is taken, and who has one that was asked for."""
+
+import socket
+from contextlib import closing
+
+import pytest
+
+from missions.cli import studio
+from tests.missions.command import Process, command
+
+
+def free_port() -> int:
+    with closing(socket.create_server(("127.0.0.1", 0))) as found:
+        return int(found.getsockname()[1])
+
+
+def test_a_second_studio_takes_the_next_free_port_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    usual = free_port()
+    monkeypatch.setattr(studio, "PORT", usual)
+    with closing(studio._listen("127.0.0.1", None)) as first, closing(studio._listen("127.0.0.1", None)) as second:
+        assert first.getsockname()[1] == usual
+        assert usual < second.getsockname()[1] < usual + studio.PORTS_TRIED
+
+
+def test_a_port_that_was_asked_for_is_refused_with_who_has_it(capsys: pytest.CaptureFixture[str]) -> None:
+    first = Process("studio", "--port", "0")
+    try:
+        line = first.wait_for_line(lambda line: line.startswith("to look"))
+        port = int(line.rpartition("/?")[0].rpartition(":")[2])
+        refused = command(capsys, "studio", "--port", str(port))
+    finally:
+        first.process.terminate()
+        first.end()
+    assert refused.code == 2
+    assert f"port {port}: in use by " in refused.err
+    assert f"(process {first.process.pid})" in refused.err
+    assert "try: mission studio --port 0  (any free port)" in refused.err
+
+
+def test_only_a_port_in_use_makes_it_try_the_next(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # An address for documentation (RFC 5737), which no computer has.
+    assert "port 8642: Cannot assign" in command(capsys, "studio", "--host", "192.0.2.1").err
+    taken = free_port()
+    monkeypatch.setattr(studio, "PORT", taken)
+    monkeypatch.setattr(studio, "PORTS_TRIED", 1)
+    with closing(socket.create_server(("127.0.0.1", taken))):
+        refused = command(capsys, "studio")
+    assert f"port {taken}: in use" in refused.err
