@@ -218,7 +218,8 @@ def _choice(fields: Fields, key: Key, word: str, node: Node) -> str:
     """Read one of some words."""
     text = node.text if isinstance(node, Scalar) else ""
     if text not in key.among:
-        fields.fault(node.mark, f"'{word}' cannot be {seen(value_of(node))}", one_of(text, key.among), sure=True)
+        hint = "; ".join(filter(None, (one_of(text, key.among), key.hint)))
+        fields.fault(node.mark, f"'{word}' cannot be {seen(value_of(node))}", hint, sure=True)
         return key.among[0]
     return text
 

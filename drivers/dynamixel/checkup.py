@@ -7,7 +7,7 @@ from drivers.api.findings import Finding, warning, wrong
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.declared import DynamixelKeys
 from drivers.dynamixel.joining import absence, difference
-from drivers.dynamixel.joint import Joint
+from drivers.dynamixel.joint import OVERFED, Joint
 from drivers.dynamixel.make import REPLY_TIMEOUT, VIRTUAL_REPLY_TIMEOUT, joints
 from drivers.dynamixel.models import MODELS, model_of
 from drivers.errors import BadRequest, NoReply
@@ -46,7 +46,7 @@ def _servo(bus: Bus, joint: Joint) -> Iterator[Finding]:
     model = model_of(known.number)
     if model is not joint.model:
         told = f"it is model {model.name}" if model else f"its model number, {known.number}, is unknown"
-        cure = f"write model: {model.name}" if model else f"mission servo scan --ids {number} --robot ROBOT"
+        cure = model.advice if model else f"mission servo scan --ids {number} --robot ROBOT"
         yield wrong(title, f"{told}, the robot file says {joint.model.name}", cure)
         return
     if unlike := difference(bus, joint):
@@ -72,13 +72,13 @@ def _for_robot(cure: str) -> str:
 
 
 def _power(joint: Joint, volts: float) -> Iterator[Finding]:
-    lowest, highest, usual = joint.value("lowest_voltage") / 10, joint.value("highest_voltage") / 10, joint.model.volts
+    lowest, highest, usual = joint.value("lowest_voltage") / 10, joint.value("highest_voltage") / 10, joint.volts
     supply = f"charge the battery, or take a supply of {usual:g} V that gives enough current"
     if volts < lowest:
         yield wrong(joint.title, f"{volts:.1f} V: below {lowest:.1f} V it shuts down", supply)
     elif volts < LOW * usual:
         yield warning(joint.title, f"{volts:.1f} V is little for a servo of {usual:g} V", supply)
-    elif volts > highest:
+    elif highest < volts <= OVERFED * highest:  # beyond that it is not driven: see ``difference``
         yield wrong(joint.title, f"{volts:.1f} V: above {highest:.1f} V it suffers", f"take a supply of {usual:g} V")
 
 

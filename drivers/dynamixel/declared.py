@@ -27,6 +27,9 @@ ALIASES: Mapping[str, str] = {"AX-12": "AX-12A", "AX-12+": "AX-12A"}
 DYNAMIXEL = tuple(name for name, model in MODELS.items() if model.protocol != "STS")
 """The models that it drives."""
 
+UNDRIVEN = "others, such as XL-320 and SCS0009, are recognised and set up, but not driven"
+"""What is said of a model that is none of those."""
+
 REACH = 2.6
 """Radians that a joint without limits may turn either way, if its servo does."""
 
@@ -46,7 +49,7 @@ class JointKeys:
 
     id: int = key(low=0, high=253, help="The ID of the servo on the bus.")
     written_model: str = key(
-        default="AX-12A", among=[*DYNAMIXEL, *ALIASES], word="model", help="The model of the servo."
+        default="AX-12A", among=[*DYNAMIXEL, *ALIASES], word="model", hint=UNDRIVEN, help="The model of the servo."
     )
     written_zero: float | None = key(
         "angle", default=None, word="zero", help="Where the joint's 0 lies, from the middle of the servo."

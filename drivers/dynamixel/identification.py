@@ -65,6 +65,12 @@ def require_sole(bus: Bus, at: At, number: int | None = None, *, looks: int = LO
     if known.protocol != at.protocol or number not in (None, identity.number):
         wanted = "" if number is None else f", not {number}"
         raise DeviceFault(f"{bus.name}: servo {at.id} is model {identity.number} ({known.name}){wanted}", hint=SCAN)
+    if (held := bus.read(at, known.table["id"])) != at.id:
+        raise DeviceFault(
+            f"{bus.name}: servo {at.id} says that it is model {identity.number}, and its table is not that of an "
+            f"{known.name}: its ID reads {held} there",
+            hint=SCAN,
+        )
     proof.look(known, looks)
     if proof.doubtful:
         proof.look(known, max(looks, LOOKS))

@@ -6,7 +6,7 @@ from math import degrees
 from drivers.dynamixel import wire2
 from drivers.dynamixel.bus import TRIES, At, Bus
 from drivers.dynamixel.identification import DOUBTED_GLANCES, DRIVER_GLANCES, UNPLUG, twin_evidence
-from drivers.dynamixel.joint import Joint
+from drivers.dynamixel.joint import OVERFED, Joint
 from drivers.dynamixel.models import model_of
 from drivers.dynamixel.register import Block
 from drivers.dynamixel.torque import enable, stiffen
@@ -37,7 +37,7 @@ def difference(bus: Bus, joint: Joint) -> str:
     number = bus.ping(joint.at, tries=1 if joint.failures else TRIES)
     if number != joint.model.number:
         known = model_of(number)
-        joint.cure = f"write model: {known.name}" if known else f"mission servo scan --ids {joint.spec.id} --robot FILE"
+        joint.cure = known.advice if known else f"mission servo scan --ids {joint.spec.id} --robot FILE"
         return (
             f"is model {number} ({known.name if known else 'unknown'}), not {joint.model.number} ({joint.model.name})"
         )
@@ -49,7 +49,7 @@ def difference(bus: Bus, joint: Joint) -> str:
         joint.cure = UNPLUG.format(joint.spec.id)
         return f"shares its ID with another servo, or has a bad cable ({evidence})"
     joint.shares_id = False
-    faults = _range_faults(joint) + _mode_faults(joint)
+    faults = _power_faults(bus, joint) + _range_faults(joint) + _mode_faults(joint)
     joint.cure = "; ".join(dict.fromkeys(cure for _, cure in faults))
     return " and ".join(fault for fault, _ in faults)
 
@@ -76,8 +76,8 @@ def absence(bus: Bus, joint: Joint, corrupt: int) -> str:
             told = bus.identify(other, tries=1)
             known, how = model_of(told.number), called(told.at.protocol)
             right = known is not None and known.protocol == told.at.protocol
-            joint.cure = f"write model: {known.name}" if known and right else f"mission servo info {joint.spec.id}"
-            meant = f": write model: {known.name}" if known and right else ""
+            joint.cure = known.advice if known and right else f"mission servo info {joint.spec.id}"
+            meant = f": {known.advice}" if known and right else ""
             return f"answers in {how} alone, as model {told.number}, not as {joint.model.name}{meant}"
     return "does not answer"
 
@@ -128,6 +128,19 @@ Trouble = tuple[str, str]
 def _setting(joint: Joint, register: str, value: int) -> str:
     """Return the command that changes a setting."""
     return f"mission servo set {joint.spec.id} {register} {value} --robot FILE"
+
+
+def _power_faults(bus: Bus, joint: Joint) -> list[Trouble]:
+    """Say that the servo gets more volts than it bears. Raises NoReply, NotConnected."""
+    volts = bus.read(joint.at, joint.model.table["present_voltage"]) / 10
+    highest = joint.value("highest_voltage") / 10
+    if volts <= OVERFED * highest:
+        return []
+    kind = f"it is made for {joint.volts:g} V" + (
+        ", and others with its model number for 12 V" if joint.at.protocol == "STS" else ""
+    )
+    cure = f"switch its supply off now; give servos of {joint.volts:g} V a supply of their own"
+    return [(f"gets {volts:.1f} V, and bears {highest:.1f} V at most ({kind})", cure)]
 
 
 def _range_faults(joint: Joint) -> list[Trouble]:

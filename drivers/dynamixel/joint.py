@@ -20,6 +20,9 @@ from drivers.joint_progress import JointProgress
 ELSEWHERE = radians(5)
 """A joint that is found farther than this from where it stood is elsewhere: it was turned, or is another."""
 
+OVERFED = 1.1
+"""A servo is not driven at this many times the highest voltage that its EEPROM allows: a charged battery has less."""
+
 
 @dataclass(frozen=True, slots=True)
 class JointSpec:
@@ -162,6 +165,13 @@ class Joint:
             torque=self.torque,
             blocked=self.progress.blocked,
         )
+
+    @property
+    def volts(self) -> float:
+        """The voltage that the servo is made for: of one model number there are STS for 7.4 V and for 12 V."""
+        if self.at.protocol == "STS" and self.value("highest_voltage") >= 120:
+            return 12.0
+        return self.model.volts
 
     @property
     def ailing(self) -> Fault:

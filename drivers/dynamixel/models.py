@@ -4,12 +4,15 @@ A model is one row at the end of this file. Positive is anticlockwise, seen faci
 Source: ROBOTIS e-Manual, Feetech's data sheets.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import cache
 from math import radians
 from types import MappingProxyType
 from typing import Literal
 
 from drivers.api.quick import dataclass
+from drivers.dynamixel.feetech_names import NAMES, SCS_NAMES
 from drivers.dynamixel.register import Register, Table
 from drivers.dynamixel.tables import (
     TABLE_AX,
@@ -21,10 +24,14 @@ from drivers.dynamixel.tables import (
     TABLE_MX_CURRENT,
     TABLE_MX_PAIR,
     TABLE_X,
+    TABLE_X540,
     TABLE_X_CURRENT,
+    TABLE_XC330_M,
+    TABLE_XC330_T,
+    TABLE_XL320,
     TABLE_XL330,
 )
-from drivers.dynamixel.tables_sts import TABLE_STS
+from drivers.dynamixel.tables_sts import TABLE_SCS, TABLE_STS
 from drivers.dynamixel.units import RPM, Protocol
 
 Reads = Literal["single", "bulk", "sync"]
@@ -42,6 +49,7 @@ class Model:
     registers that limit them; ``effort_unit`` is one step of its load or current as a share of the stall torque.
     ``free_speed`` is what the unloaded motor reaches (rad/s), ``stall_torque`` what it stops at (Nm), at nominal
     voltage, which is ``volts``. ``defaults`` holds those defaults of ``table`` in which this model differs, by name.
+    One that is not ``driven`` is recognised, and its registers are read and set; of its motor nothing is known here.
     """
 
     name: str
@@ -61,11 +69,17 @@ class Model:
     bus: Wiring
     volts: float
     defaults: Mapping[str, int]
+    driven: bool = True
 
     @property
     def top_speed(self) -> float:
         """The highest speed that it can be told, in rad/s."""
         return self.fastest * self.speed_unit
+
+    @property
+    def advice(self) -> str:
+        """What to do where a robot file says another model than this one, which has answered."""
+        return f"write model: {self.name}" if self.driven else f"take another servo: an {self.name} is not driven here"
 
     def default(self, register: Register) -> int:
         """Return what ``register`` holds as delivered."""
@@ -104,8 +118,8 @@ class Model:
 
 
 def model_of(number: int) -> Model | None:
-    """Return the model that answers with ``number``; None if it is not one of ours."""
-    return next((model for model in MODELS.values() if model.number == number), None)
+    """Return the model that answers with ``number``, driven or not; None for an unknown one."""
+    return _by_number().get(number)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +138,9 @@ _AX = _Family(1, "single", 300, 1024, 0.111, 1 / 1023)  # and RX
 _EX = _Family(1, "single", 250.92, 4096, 0.111, 1 / 1023)
 _MX = _Family(1, "bulk", 360, 4096, 0.114, 1 / 1023)
 _X = _Family(2, "sync", 360, 4096, 0.229, 1 / 1000)  # and MX with the firmware of protocol 2.0
+_XL320 = _Family(2, "single", 300, 1024, 0.111, 1 / 1023)
 _STS = _Family("STS", "sync", 360, 4096, 60 / 4096, 1 / 1000)
+_SCS = _Family("STS", "single", 300, 1024, 60 / 1024, 1 / 1000)  # frames of the STS, without the sync read
 
 
 def _model(
@@ -176,7 +192,15 @@ _XL = {"temperature_limit": 72, "highest_voltage": 140, "lowest_voltage": 60, "v
 _XM = {"position_p_gain": 800}
 _FAST_XL330 = {"velocity_limit": 1620, "velocity_i_gain": 400, "velocity_p_gain": 40, "position_i_gain": 400}
 _AMPS = (0.00269, 2.3)  # of the XM430: one step of its current, and its stall current
+_AMPS_540 = (0.00269, 4.4)
 _SMALL = (0.001, 1.47)  # of the XL330 at 5 V
+_SMALL_M = (0.001, 1.8)  # of the XC330-M at 5 V
+_SMALL_T = (0.001, 0.88)  # of the XC330-T at 12 V
+_XC = {"moving_threshold": 20, "lowest_voltage": 60, "position_p_gain": 460}
+_XC_M = {"position_d_gain": 500, "velocity_i_gain": 1600}
+_XC_M181 = {**_XC_M, "velocity_limit": 545, "velocity_i_gain": 1400, "velocity_p_gain": 100, "position_p_gain": 1200}
+_XC_M288 = {**_XC_M, "velocity_limit": 350, "velocity_p_gain": 50, "position_p_gain": 1100}
+_XC_T = {"position_p_gain": 900, "velocity_i_gain": 1200, "velocity_p_gain": 40}
 
 MODELS: Mapping[str, Model] = MappingProxyType(
     {
@@ -201,13 +225,58 @@ MODELS: Mapping[str, Model] = MappingProxyType(
             _model(_X, "XM430-W350", 1020, TABLE_X_CURRENT, "either", 4.1, 46, {"velocity_limit": 200, **_XM}, _AMPS),
             _model(_X, "XL330-M077", 1190, TABLE_XL330, "TTL", 0.215, 383, _FAST_XL330, _SMALL, 5.0),
             _model(_X, "XL330-M288", 1200, TABLE_XL330, "TTL", 0.52, 103, {"velocity_limit": 445}, _SMALL, 5.0),
+            _model(_X, "2XL430-W250", 1090, TABLE_X, "TTL", 1.5, 61, {**_XL, "velocity_limit": 250}),
+            _model(_X, "XC430-W150", 1070, TABLE_X, "TTL", 1.6, 106, {"velocity_limit": 460, **_XC}),
+            _model(_X, "XC430-W240", 1080, TABLE_X, "TTL", 1.9, 70, {"velocity_limit": 306, **_XC}),
+            _model(_X, "XM540-W150", 1130, TABLE_X540, "either", 7.3, 53, {"velocity_limit": 230, **_XM}, _AMPS_540),
+            _model(_X, "XM540-W270", 1120, TABLE_X540, "either", 10.6, 30, {"velocity_limit": 128, **_XM}, _AMPS_540),
+            _model(_X, "XC330-T181", 1210, TABLE_XC330_T, "TTL", 0.8, 113, {"velocity_limit": 510, **_XC_T}, _SMALL_T),
+            _model(_X, "XC330-T288", 1220, TABLE_XC330_T, "TTL", 1.0, 71, {"velocity_limit": 320, **_XC_T}, _SMALL_T),
+            _model(_X, "XC330-M181", 1230, TABLE_XC330_M, "TTL", 0.6, 129, _XC_M181, _SMALL_M, 5.0),
+            _model(_X, "XC330-M288", 1240, TABLE_XC330_M, "TTL", 0.93, 81, _XC_M288, _SMALL_M, 5.0),
             # With other gears, which cannot be told apart: SO-101 leaders have three kinds.
             _model(_STS, "STS3215", 777, TABLE_STS, "TTL", 1.91, 52, {}, volts=7.4),
             _model(_STS, "STS3250", 2825, TABLE_STS, "TTL", 4.9, 75, {"highest_voltage": 140}),
         )
     }
 )
-"""The models by name. AX-12 and AX-12+ answer with the number of the AX-12A and are the same to a program.
+"""The models that are driven, by name.
 
-MX come with either firmware, which answer with different numbers: ``MX-28`` and ``MX-28(2.0)`` are one servo.
+AX-12 and AX-12+ answer with the number of the AX-12A and are the same to a program. MX come with either firmware, which
+answer with different numbers: ``MX-28`` and ``MX-28(2.0)`` are one servo.
 """
+
+
+_OTHER_X = (
+    *((TABLE_X540, name, number) for name, number in {
+        "XH540-W150": 1110, "XH540-W270": 1100, "XH540-V150": 1150, "XH540-V270": 1140,
+        "XW540-T140": 1180, "XW540-T260": 1170, "XW540-H260": 1310, "XD540-T150": 1111, "XD540-T270": 1101,
+    }.items()),
+    *((TABLE_X_CURRENT, name, number) for name, number in {
+        "XH430-W210": 1010, "XH430-W350": 1000, "XH430-V210": 1050, "XH430-V350": 1040,
+        "XW430-T200": 1280, "XW430-T333": 1270, "XD430-T210": 1011, "XD430-T350": 1001,
+    }.items()),
+    (TABLE_X, "2XC430-W250", 1160),
+)  # fmt: skip
+
+
+def _others() -> Iterator[Model]:
+    """Yield the models that are recognised, but not driven."""
+    yield _named(_model(_XL320, "XL-320", 350, TABLE_XL320, "TTL", 0.39, 114, {}, volts=7.4), "XL-320", 350)
+    for table, name, number in _OTHER_X:
+        yield _named(_model(_X, name, number, table, "either", 1.0, 30, {}), name, number)
+    for number, name in NAMES.items():
+        if number not in (model.number for model in MODELS.values()):
+            yield _named(MODELS["STS3215"], name, number)
+    scs = _model(_SCS, "", 0, TABLE_SCS, "TTL", 0.23, 100, {}, volts=6.0)
+    yield from (_named(scs, name, number) for number, name in SCS_NAMES.items())
+
+
+def _named(base: Model, name: str, number: int) -> Model:
+    defaults = MappingProxyType({**base.defaults, "model_number": number})
+    return replace(base, name=name, number=number, defaults=defaults, driven=False)
+
+
+@cache
+def _by_number() -> Mapping[int, Model]:
+    return {model.number: model for model in (*_others(), *MODELS.values())}

@@ -39,9 +39,6 @@ IDENTITY: Mapping[Protocol, Block] = {1: Block(0, 6), 2: Block(0, 8), "STS": Blo
 MODEL_AND_ID: Mapping[Protocol, tuple[int, int]] = {1: (0, 3), 2: (0, 7), "STS": (3, 5)}
 """Where its model and its ID are in there."""
 
-STATE: Mapping[Protocol, Block] = {1: Block(36, 8), 2: Block(124, 23), "STS": Block(56, 15)}
-"""What changes all the time, so that two servos with one ID cannot say the same."""
-
 TWO = "damaged replies: there may be two with this ID"
 MUTE = "answers a ping, and no read: its status return level is 0"
 
@@ -134,14 +131,17 @@ def _asked(codec: Codec, baud: int, number: int) -> Generator[Ask, bytes, Unit |
     where, own = MODEL_AND_ID[protocol]
     kind = unpack_from("<H", identity.data, where)[0]
     model = model_of(kind)
+    if model is not None and model.protocol == protocol:
+        own = model.table["id"].address  # an XL-320 has it elsewhere
     either = protocol != 2 and identity.data[5 if protocol == 1 else 3] == number  # by the table of the other make, too
     if protocol == 2 and model is None:  # its table may have the ID elsewhere, as that of an XL-320
         return Unit(number, f"number {kind}", TWO if (yield from _answers_twice(codec, baud, number)) else "")
     if identity.data[own] != number or (either and (model is None or model.protocol != protocol)):
         return None  # another make, which has its own table
-    state = yield from _read(codec, baud, number, STATE[protocol])
+    # What changes all the time: two servos with one ID cannot say the same of it.
+    state = None if model is None else (yield from _read(codec, baud, number, model.table.fast))
     name = f"number {kind}" if model is None else model.name
-    two = state is None or (yield from _answers_twice(codec, baud, number))
+    two = (model and state is None) or (yield from _answers_twice(codec, baud, number))
     return Unit(number, name, TWO if two else (identity.faults & LASTING).words)
 
 

@@ -1,13 +1,13 @@
 """The control table of a servo, as a shape: its registers, how they are coded, and the blocks read in one go.
 
 A servo is a table of bytes: settings at the front, kept through a power cut (EEPROM), then goals and readings (RAM).
-Numbers are little-endian. What stands in which model's table is in ``tables``.
+Numbers are little-endian, but for Feetech's SCS. What stands in which model's table is in ``tables``.
 """
 
 from collections.abc import Mapping
 from difflib import get_close_matches
 from enum import Enum
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from drivers.api.quick import dataclass
 from drivers.errors import BadRequest
@@ -45,6 +45,7 @@ class Register:
     eeprom: bool = False  # survives a power cut; the others start from their defaults
     coding: Coding = Coding.UNSIGNED
     unit: str = ""
+    order: Literal["little", "big"] = "little"  # of its bytes
 
     @property
     def end(self) -> int:
@@ -57,12 +58,12 @@ class Register:
             if value <= -sign:
                 raise OverflowError(f"{self.name}: {value} does not fit: its {self.coding.value}")
             value = -value | sign
-        return value.to_bytes(self.size, "little", signed=self.coding is _TWOS)
+        return value.to_bytes(self.size, self.order, signed=self.coding is _TWOS)
 
     def decode(self, data: bytes | bytearray, start: int = 0) -> int:
         """Return the value from ``data``, a copy of the table that begins at address ``start``."""
         begin = self.address - start
-        value = int.from_bytes(data[begin : begin + self.size], "little", signed=self.coding is _TWOS)
+        value = int.from_bytes(data[begin : begin + self.size], self.order, signed=self.coding is _TWOS)
         if self.coding is _UNSIGNED or self.coding is _TWOS or not value & (sign := self._sign):
             return value
         return -(value & ~sign)

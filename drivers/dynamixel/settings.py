@@ -170,9 +170,9 @@ def _checked(who: str, table: Table, wanted: Mapping[str, int]) -> list[Register
 
 def _turns_a_wheel(bus: Bus, at: At, table: Table) -> bool:
     """Whether the servo turns on and on, where speed 0 is to stand still: in protocol 1.0 both its limits are 0."""
-    if at.protocol == "STS":
+    if "mode" in table:
         return bool(bus.read(at, table["mode"]))
-    return at.protocol == 1 and not any(bus.read(at, table[limit]) for limit in table.limits)
+    return at.protocol != 2 and not any(bus.read(at, table[limit]) for limit in table.limits)
 
 
 def _require_sole(bus: Bus, at: At, table: Table) -> None:

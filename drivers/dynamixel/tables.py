@@ -253,6 +253,9 @@ _ACCELERATION_LIMIT = eeprom("acceleration_limit", 40, 4, 32_767, 0, 32_767, "21
 TABLE_X_CURRENT = _with_current(TABLE_X, "2.69 mA", 1193)
 """XM430."""
 
+TABLE_X540 = _with_current(TABLE_X, "2.69 mA", 2047)
+"""XM540, and its like."""
+
 TABLE_MX2 = replace(TABLE_X, registers=rows(TABLE_X.registers.values(), _ACCELERATION_LIMIT))
 """MX-28 with the firmware of protocol 2.0."""
 
@@ -281,3 +284,73 @@ TABLE_XL330 = replace(
     ),
 )
 """XL330, which runs at 5 V."""
+
+_SMALL_COPPER = replace(
+    TABLE_XL330,
+    registers=rows(
+        TABLE_XL330.registers.values(),
+        eeprom("current_limit", 38, 2, 2352, 0, 2352, "1 mA"),
+        eeprom("shutdown", 63, 1, 52, 0, 63),
+        signed(ram("goal_current", 102, 2, 2352, -2352, 2352, "1 mA")),
+    ),
+)
+
+TABLE_XC330_M = _SMALL_COPPER
+"""XC330-M, which run at 5 V."""
+
+TABLE_XC330_T = replace(
+    _SMALL_COPPER,
+    registers=rows(
+        _SMALL_COPPER.registers.values(),
+        eeprom("highest_voltage", 32, 2, 140, 55, 140, "0.1 V"),
+        eeprom("lowest_voltage", 34, 2, 55, 55, 140, "0.1 V"),
+        eeprom("current_limit", 38, 2, 910, 0, 910, "1 mA"),
+        eeprom("pwm_slope", 62, 1, 255, 1, 255, "3.955 mV/ms"),
+        signed(ram("goal_current", 102, 2, 910, -910, 910, "1 mA")),
+    ),
+)
+"""XC330-T, which run at 12 V."""
+
+# Protocol 2.0, another table -------------------------------------------------------------------------------------
+
+TABLE_XL320 = Table(
+    registers=rows(
+        (MODEL_NUMBER, FIRMWARE, replace(ID, upper=252), replace(BAUD, default=3, upper=3), RETURN_DELAY),
+        (CW_ANGLE_LIMIT, CCW_ANGLE_LIMIT),
+        eeprom("control_mode", 11, 1, 2, 1, 2),  # 1 wheel, 2 joint
+        eeprom("temperature_limit", 12, 1, 65, 0, 150, "degC"),
+        eeprom("lowest_voltage", 13, 1, 60, 50, 250, "0.1 V"),
+        eeprom("highest_voltage", 14, 1, 90, 50, 250, "0.1 V"),
+        eeprom("max_torque", 15, 2, 1023, 0, 1023, "1/1023"),
+        eeprom("status_return_level", 17, 1, 2, 0, 2),
+        eeprom("shutdown", 18, 1, 3, 0, 7),  # bit 0 overload, 1 overheating, 2 voltage
+        TORQUE_ENABLE,
+        ram("led", 25, 1, 0, 0, 7),
+        ram("position_d_gain", 27, 1, 0, 0, 254),
+        ram("position_i_gain", 28, 1, 0, 0, 254),
+        ram("position_p_gain", 29, 1, 32, 0, 254),
+        GOAL_POSITION,
+        MOVING_SPEED,
+        ram("torque_limit", 35, 2, 1023, 0, 1023, "1/1023"),
+        present("present_position", 37, 2, "ticks"),
+        present("present_speed", 39, 2, "0.111 rpm", Coding.SIGN_BIT),
+        present("present_load", 41, 2, "1/1023", Coding.SIGN_BIT),
+        present("present_voltage", 45, 1, "0.1 V"),
+        present("present_temperature", 46, 1, "degC"),
+        present("registered", 47, 1),
+        present("moving", 49, 1),
+        present("error_status", 50, 1),  # bits as in shutdown
+        ram("punch", 51, 2, 32, 0, 1023),
+    ),
+    fast=Block(37, 13),
+    slow=(Block(24, 13),),
+    setup=Block(0, 24),
+    goal=GOAL_POSITION.name,
+    speed=MOVING_SPEED.name,
+    velocity=PRESENT_SPEED.name,
+    effort=PRESENT_LOAD.name,
+    torque_limit=TORQUE_LIMIT.name,
+    torque_ceiling=MAX_TORQUE.name,
+    limits=(CW_ANGLE_LIMIT.name, CCW_ANGLE_LIMIT.name),
+)
+"""XL-320: the frames of protocol 2.0, and a table much like that of an AX."""

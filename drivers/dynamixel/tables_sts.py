@@ -1,8 +1,10 @@
-"""The control table of Feetech's STS and SMS servos as data. Source: the maker's memory table of the series.
+"""The control tables of Feetech's STS, SMS and SCS servos as data. Source: the maker's memory tables of the series.
 
 Names are those of the Dynamixels' tables where the thing is the same. Signed numbers are a size and a sign bit: bit 10
 of the load, bit 11 of the offset, bit 15 of all others.
 """
+
+from dataclasses import replace
 
 from drivers.dynamixel.register import Block, Coding, Table
 from drivers.dynamixel.tables import eeprom, fixed, present, ram, rows, signed
@@ -76,3 +78,49 @@ TABLE_STS = Table(
     limits=("min_position", "max_position"),
 )
 """STS3215, and its like."""
+
+# SCS -------------------------------------------------------------------------------------------------------------
+
+_SHARED = ("firmware", "big_endian", "id", "baud", "return_delay", "response_level", "temperature_limit")
+
+TABLE_SCS = Table(
+    registers=rows(
+        [TABLE_STS[name] for name in _SHARED],
+        [
+            replace(register, order="big")
+            for register in (
+                fixed("model_number", 3, 2),
+                eeprom("min_position", 9, 2, 0, 0, 1023, "ticks"),
+                eeprom("max_position", 11, 2, 1023, 0, 1023, "ticks"),  # both limits 0: a wheel
+                eeprom("max_torque", 16, 2, 1000, 0, 1000, "0.1 %"),
+                ram("goal_position", 42, 2, 0, 0, 1023, "ticks"),
+                ram("goal_time", 44, 2, 0, 0, 9999, "ms"),
+                ram("goal_speed", 46, 2, 0, 0, 1000, "ticks/s"),
+                present("present_position", 56, 2, "ticks", _SIGN_15),
+                present("present_speed", 58, 2, "ticks/s", _SIGN_15),
+                present("present_load", 60, 2, "0.1 %", Coding.SIGN_BIT),
+                present("present_current", 69, 2, "6.5 mA", _SIGN_15),
+            )
+        ],
+        eeprom("highest_voltage", 14, 1, 80, 0, 254, "0.1 V"),
+        eeprom("lowest_voltage", 15, 1, 40, 0, 254, "0.1 V"),
+        eeprom("cw_dead_zone", 26, 1, 2, 0, 32, "ticks"),
+        eeprom("ccw_dead_zone", 27, 1, 2, 0, 32, "ticks"),
+        ram("torque_enable", 40, 1, 0, 0, 1),
+        ram("lock", 48, 1, 1, 0, 1),
+        present("present_voltage", 62, 1, "0.1 V"),
+        present("present_temperature", 63, 1, "degC"),
+        present("moving", 66, 1),
+    ),
+    fast=Block(56, 11),
+    slow=(Block(40, 9),),
+    setup=Block(0, 28),
+    goal="goal_position",
+    speed="goal_speed",
+    velocity="present_speed",
+    effort="present_load",
+    torque_limit="max_torque",
+    torque_ceiling="max_torque",
+    limits=("min_position", "max_position"),
+)
+"""SCS0009, and its like: big-endian, without an offset and without a limit of the torque in RAM."""

@@ -6,7 +6,7 @@ from typing import Literal
 
 from drivers.api.driver import Driver
 from drivers.api.keys import Mistake, key, keys
-from drivers.dynamixel.declared import DynamixelKeys, JointKeys
+from drivers.dynamixel.declared import UNDRIVEN, DynamixelKeys, JointKeys
 from drivers.dynamixel.models import MODELS
 from drivers.errors import BadRequest
 from drivers.feetech.calibration import MotorCalibration, load
@@ -19,7 +19,7 @@ STS = tuple(name for name, model in MODELS.items() if model.protocol == "STS")
 class FeetechJointKeys(JointKeys):
     """One Feetech servo as a joint."""
 
-    written_model: str = key(default="STS3215", among=STS, word="model", help="The model of the servo.")
+    written_model: str = key(default="STS3215", among=STS, word="model", hint=UNDRIVEN, help="The model of the servo.")
     zero_at: Literal["middle", "lowest", "highest"] = key(
         default="middle", help="Where in the range of the calibration file the joint's 0 lies, unless `zero` says it."
     )

@@ -155,9 +155,9 @@ def test_the_echo_of_an_adapter_is_no_second_servo(echo: float) -> None:
 
 def test_an_unknown_model_and_another_model_are_refused() -> None:
     stranger, other = VirtualServo(1, model="XL430-W250"), VirtualServo(2, model="XL430-W250")
-    stranger.set("model_number", 350)
+    stranger.set("model_number", 351)
     bus, _, _ = direct_bus(VirtualServoBus([stranger, other]))
-    with pytest.raises(DeviceFault, match="model number 350 is not known"):
+    with pytest.raises(DeviceFault, match="model number 351 is not known"):
         require_sole(bus, At(1, 2))
     with pytest.raises(DeviceFault, match="not 1020"):
         require_sole(bus, At(2, 2), 1020)

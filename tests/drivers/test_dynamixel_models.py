@@ -18,6 +18,8 @@ NUMBERS = (
     {"AX-12A": 12, "AX-12W": 300, "AX-18A": 18, "RX-24F": 24, "RX-28": 28, "RX-64": 64, "EX-106+": 107}
     | {"MX-28": 29, "MX-64": 310, "MX-106": 320, "MX-28(2.0)": 30, "MX-64(2.0)": 311, "MX-106(2.0)": 321}
     | {"XL430-W250": 1060, "XM430-W210": 1030, "XM430-W350": 1020, "XL330-M077": 1190, "XL330-M288": 1200}
+    | {"XC330-T181": 1210, "XC330-T288": 1220, "XC330-M181": 1230, "XC330-M288": 1240, "2XL430-W250": 1090}
+    | {"XC430-W150": 1070, "XC430-W240": 1080, "XM540-W150": 1130, "XM540-W270": 1120}
     | {"STS3215": 777, "STS3250": 2825}
 )
 
@@ -178,6 +180,13 @@ def test_an_ax_and_an_sts_are_delivered_at_1_megabaud_and_any_other_at_57600(mod
         ("XL330-M288", "current_limit", 1750),
         ("XL330-M288", "shutdown", 53),
         ("STS3215", "highest_voltage", 80),
+        ("XM540-W270", "current_limit", 2047),
+        ("XM540-W270", "velocity_limit", 128),
+        ("XC430-W150", "lowest_voltage", 60),
+        ("XC330-T288", "highest_voltage", 140),
+        ("XC330-T288", "current_limit", 910),
+        ("XC330-M288", "highest_voltage", 70),
+        ("XC330-M288", "current_limit", 2352),
     ],
 )
 def test_a_model_is_delivered_as_the_manual_says(name: str, register: str, value: int) -> None:

@@ -166,9 +166,7 @@ def differences(
                 cure = f"mission servo set-baud {servo.at.id} {baud} --baud {servo.baud} --port PORT"
                 troubles.append(f"{joint.title} is at {servo.baud} baud, the robot file says {baud}\n  try: {cure}")
             elif servo.model is not joint.model and not servo.mute:
-                cure = (
-                    "plug it in alone, and see what it is" if servo.model is None else f"write model: {_model(servo)}"
-                )
+                cure = "plug it in alone, and see what it is" if servo.model is None else servo.model.advice
                 told = f"{_model(servo)}, the robot file says {joint.model.name}"
                 troubles.append(f"{joint.title} is not what it should be: {told}\n  try: {cure}")
     return troubles
