@@ -59,7 +59,7 @@ class ActionServer:
     def __init__(
         self, node: Node, name: str, kind: str, begin: Callable[[Goal], bool], cancel: Callable[[Goal], None]
     ) -> None:
-        self._kind, self._begin, self._cancel = kind, begin, cancel
+        self._node, self._name, self._kind, self._begin, self._cancel = node, name, kind, begin, cancel
         self._lock = RLock()
         self._goals: list[Goal] = []
         self._feedback = node.publisher(f"{name}/{FEEDBACK}", f"{kind}_FeedbackMessage")
@@ -86,7 +86,8 @@ class ActionServer:
     def _sent(self, payload: bytes, answer: Answer) -> None:
         try:
             told = types().decode(f"{self._kind}_SendGoal_Request", payload)
-        except Malformed:
+        except Malformed as error:
+            self._node.faults.add_of(f"{self._name}/{SEND}", error)
             return
         goal = Goal(self, told.goal_id.uuid.tolist(), told.goal)
         with self._lock:
@@ -102,7 +103,8 @@ class ActionServer:
     def _asked(self, payload: bytes, answer: Answer) -> None:
         try:
             uuid = types().decode(f"{self._kind}_GetResult_Request", payload).goal_id.uuid.tolist()
-        except Malformed:
+        except Malformed as error:
+            self._node.faults.add_of(f"{self._name}/{RESULT}", error)
             return
         with self._lock:
             goal = next((each for each in self._goals if each.uuid == uuid), None)
@@ -117,7 +119,8 @@ class ActionServer:
     def _cancelled(self, payload: bytes, answer: Answer) -> None:
         try:
             wanted = types().decode(f"{CANCEL_KIND}_Request", payload).goal_info.goal_id.uuid.tolist()
-        except Malformed:
+        except Malformed as error:
+            self._node.faults.add_of(f"{self._name}/{CANCEL}", error)
             return
         with self._lock:
             known = [goal for goal in self._goals if wanted in (goal.uuid, [0] * 16)]

@@ -15,6 +15,7 @@ from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.link import Link
 from drivers.ros2 import create3, wire
+from drivers.ros2.faults import TopicFaults, hint_for
 from drivers.ros2.line import Channel, absent
 from drivers.ros2.types import Malformed, types
 
@@ -88,6 +89,7 @@ class Ros2Base(PlainBase):
         super().__init__(link, clock, TwoWheels(1.0, inf), reckoned=False, **settings)
         self._channels, self._words = channels, list(words)
         self._halted, self._anchored, self._entrusted = halted, anchored, entrusted
+        self._faults = TopicFaults(self.name, [each.topic for each in channels], clock, self._report)
         self._finder = wire.FrameFinder()
         self._kinds: dict[str, tuple[str, ...]] = {}
         self._origin: tuple[Pose2D, Pose2D] | None = None  # a pose as it was told, and what that is for us
@@ -123,10 +125,13 @@ class Ros2Base(PlainBase):
                     if not {*kinds} <= {*KINDS[word]}:
                         raise ValueError(kinds)
                     self._kinds[word] = kinds
+                elif channel == wire.MISMATCH:
+                    self._faults.mismatch(payload)
                 else:
                     self._hear(self._words[channel], payload, now)
-            except (Malformed, ValueError, LookupError, ArithmeticError):
-                self._counters["malformed"] += 1
+            except (Malformed, ValueError, LookupError, ArithmeticError) as error:
+                self._faults.add(channel, error)
+        self._counters["malformed"] = self._faults.count
 
     def play(self, tune: Tune) -> None:
         """Play a tune, where it has a sounder. Raises NotConnected."""
@@ -187,11 +192,15 @@ class Ros2Base(PlainBase):
     def _silence(self, now: float) -> tuple[str, str]:
         for word in ("odom", "cmd_vel", "hazards", "sensors"):
             if self._has(word) and not self._kinds.get(word):
-                error = absent(self.name, self._channels[self._words.index(word)])
+                number = self._words.index(word)
+                error = absent(self.name, self._channels[number], self._faults.why(number))
                 return str(error), error.hint
         if self._twofold:
             what = f"{self.name}: two nodes send {self._channels[1].topic}: where it is, nobody knows"
             return what, "`mission ros2 graph` shows them; two robots need a namespace each"
+        for number in (self._words.index(word) for word in ("odom", "hazards", "sensors") if self._has(word)):
+            if why := self._faults.why(number):
+                return f"{self.name}: {why}", hint_for(self._channels[number].topic)
         if super()._hears(now):
             return f"{self.name}: nothing of its bumpers comes", "is its node still running? `mission ros2 graph`"
         return f"{self.name}: {self._channels[1].topic}: no odometry comes", "is the robot on, and the network there?"
@@ -240,9 +249,14 @@ class Ros2Base(PlainBase):
 
     def _odometry(self, told: Any, now: float) -> None:
         at, turned, moves = told.pose.pose.position, told.pose.pose.orientation, told.twist.twist
-        figures = (at.x, at.y, turned.x, turned.y, turned.z, turned.w, moves.linear.x, moves.angular.z)
-        if not all(abs(figure) < FAR for figure in figures):  # nor is one that is no number
-            raise ValueError("odometry of no robot")
+        figures = {
+            "position x": at.x, "position y": at.y, "orientation x": turned.x, "orientation y": turned.y,
+            "orientation z": turned.z, "orientation w": turned.w, "linear x": moves.linear.x,
+            "angular z": moves.angular.z,
+        }  # fmt: skip
+        for name, figure in figures.items():
+            if not abs(figure) < FAR:  # nor is one that is no number
+                raise ValueError(f"its {name} is {figure:g}, in {ODOMETRY}")
         raw = Pose2D(at.x, at.y, yaw(turned))
         pose, rate = self._undrifted(raw, Velocity(moves.linear.x, moves.angular.z), now, told.header)
         felt, self._brief = self._brief, self._hazards
@@ -334,5 +348,5 @@ def yaw(turned: Any) -> float:
     """Return the heading of an orientation, whatever its length. Raises ValueError for one that was never set."""
     x, y, z, w = turned.x, turned.y, turned.z, turned.w
     if not x * x + y * y + z * z + w * w > 1e-6:
-        raise ValueError("an orientation of length 0")
+        raise ValueError("its orientation has the length 0")
     return atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)

@@ -6,10 +6,12 @@ from typing import Any
 import cv2
 import numpy as np
 
-from drivers.api import Image
+from drivers.api import Image, Report, ignore
 from drivers.camera.decode import MOST_PIXELS, UNWANTED, decoded
+from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.ros2 import wire
+from drivers.ros2.faults import TopicFaults, hint_for
 from drivers.ros2.line import Channel, Nodes, TopicPort, absent
 from drivers.ros2.types import Malformed, types
 
@@ -48,12 +50,13 @@ Those of 16 bits are understood by the upper 8.
 class TopicFeed:
     """A ``drivers.camera.capture.Feed`` of the pictures on a topic."""
 
-    def __init__(self, nodes: Nodes, topic: str) -> None:
+    def __init__(self, nodes: Nodes, topic: str, clock: Clock, report: Report = ignore) -> None:
         self._nodes = nodes
+        self._faults = TopicFaults("camera", [topic], clock, report)
         self._channel = Channel(topic, IMAGES, depth=1)
         self._port: TopicPort | None = None
         self._finder = wire.FrameFinder()
-        self._kind = self._wrong = ""
+        self._kind = ""
 
     @property
     def what(self) -> str:
@@ -63,8 +66,8 @@ class TopicFeed:
     @property
     def hint(self) -> str:
         """What to try when no picture comes; why what has come is none."""
-        wrong = f"{self._wrong}; " if self._wrong else ""
-        return f"{wrong}`mission ros2 echo {self._channel.topic}` shows what comes"
+        why = self._faults.why(0)
+        return f"{why}; {hint_for(self._channel.topic)}" if why else hint_for(self._channel.topic)
 
     def start(self) -> float | None:
         """Listen to the topic. Raises NotConnected while nobody sends it."""
@@ -74,7 +77,7 @@ class TopicFeed:
             self._note(channel, payload)
         if not self._kind:
             self.stop()
-            raise absent("camera", self._channel)
+            raise absent("camera", self._channel, self._faults.why(0))
         return None
 
     def grab(self, wanted: Callable[[], bool]) -> Image | None:
@@ -89,7 +92,7 @@ class TopicFeed:
                 try:
                     return picture(self._kind, payload)
                 except (Malformed, ValueError) as error:
-                    self._wrong = str(error)
+                    self._faults.add(0, error)
         return None
 
     def stop(self) -> None:
@@ -112,7 +115,9 @@ class TopicFeed:
         """Take note of who sends; say whether that was what has come."""
         if channel == wire.ABOUT:
             self._kind = next(iter(wire.told(payload)[1]), self._kind)
-        return channel == wire.ABOUT
+        elif channel == wire.MISMATCH:
+            self._faults.mismatch(payload)
+        return channel in (wire.ABOUT, wire.MISMATCH)
 
 
 def picture(kind: str, payload: bytes) -> Image:

@@ -62,7 +62,6 @@ class Ros2Graph:
         self._transports: Transports | None = None
         self._lost = Event()
         self._trouble: NotConnected | None = NotConnected("ros2: not opened yet")
-        self._unattached = ""
         self._sessions = self._malformed = 0
         self._requests = Requests(self.node, clock, self._changed)
         self._watched: dict[str, Node] = {}
@@ -152,9 +151,11 @@ class Ros2Graph:
         if read is None or read[0] != stamp:
             try:
                 read = stamp, json.dumps(types().values(types().decode(kind, payload)))
-            except Malformed:
+            except Malformed as error:
                 self._malformed += 1
                 read = stamp, ""
+                if node is not None:
+                    node.faults.add_of(name, error)
             self._read[name] = read
         if not read[1]:
             return Reading(None, now, Quality.NONE)
@@ -212,10 +213,6 @@ class Ros2Graph:
         if self._session is None:
             return self._connect()
         self._requests.look(self._node)
-        if self._node is not None and self._node.unattached != self._unattached:
-            self._unattached = self._node.unattached
-            what = f"{self._unattached}: its messages come without what rmw_zenoh attaches, and are not heard"
-            self._tell("fault", what, "is its node started with RMW_IMPLEMENTATION=rmw_zenoh_cpp?")
         return LOOK
 
     def _connect(self) -> float:
@@ -225,7 +222,14 @@ class Ros2Graph:
             self._lost.clear()
             transports = Transports(session, self._gone)
             keys = self.keys
-            node = Node(session, self._clock, domain=self._domain, namespace=keys.namespace, name=self._called)
+            node = Node(
+                session,
+                self._clock,
+                domain=self._domain,
+                namespace=keys.namespace,
+                name=self._called,
+                report=self._report,
+            )
         except NotConnected as error:
             self._trouble = error
             self._requests.look(None)

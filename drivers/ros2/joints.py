@@ -16,6 +16,7 @@ from drivers.guard import guarded
 from drivers.joint_progress import HINT, JointProgress
 from drivers.link import Link
 from drivers.ros2 import wire
+from drivers.ros2.faults import TopicFaults, hint_for
 from drivers.ros2.line import Channel, absent
 from drivers.ros2.types import Malformed, types
 from drivers.ros2.ways import (
@@ -68,6 +69,7 @@ class TopicJoints(Enabling):
         self._progress = {each: JointProgress(f"joint {joint_called(name, each)}") for each in joints}
         self._absence = Absence(away)
         self._following = Following()
+        self._faults = TopicFaults(name, [each.topic for each in channels], clock, self._report)
         self._finder = wire.FrameFinder()
         self._kinds: dict[int, str] = {}
         self._ways: dict[str, Way] = {}
@@ -209,10 +211,13 @@ class TopicJoints(Enabling):
                     if not {*kinds} <= {*self._channels[number].kinds}:
                         raise ValueError(kinds)
                     self._kinds[number] = next(iter(kinds), "")
+                elif channel == wire.MISMATCH:
+                    self._faults.mismatch(payload)
                 elif channel == 0 and self._felt.take(types().decode(STATE, payload), self._clock.now()):
                     self._counters["reports"] += 1
-            except (Malformed, ValueError, LookupError):
-                self._counters["malformed"] += 1
+            except (Malformed, ValueError, LookupError) as error:
+                self._faults.add(channel, error)
+        self._counters["malformed"] = self._faults.count
 
     def pulse(self) -> None:
         """Lead the joints on, and notice silence."""
@@ -264,8 +269,10 @@ class TopicJoints(Enabling):
     def _silence(self, now: float) -> tuple[str, str]:
         for number, channel in enumerate(self._channels):
             if not self._kinds.get(number) and (number or not self._counters["reports"]):
-                error = absent(self.name, channel)
+                error = absent(self.name, channel, self._faults.why(number))
                 return str(error), error.hint
+        if why := self._faults.why(0):
+            return f"{self.name}: {why}", hint_for(self._channels[0].topic)
         silent = ", ".join(self._joints[name].there for name in self._felt.silent(now)) or "its joints"
         what = f"{self.name}: {self._channels[0].topic}: nothing comes of {silent}"
         return what, f"`mission ros2 echo {self._channels[0].topic}` shows what comes"

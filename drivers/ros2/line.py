@@ -13,6 +13,7 @@ from drivers.errors import NotConnected
 from drivers.link import Link, Port
 from drivers.loop import MakeLoop, ThreadLoop
 from drivers.ros2 import wire
+from drivers.ros2.faults import hint_for
 from drivers.ros2.node import Node, Publisher
 from drivers.ros2.sieve import Sieve
 from drivers.ros2.types import types
@@ -61,6 +62,7 @@ class TopicPort:
         self._said: deque[bytes] = deque()
         self._senders: dict[int, list[Publisher]] = {}  # by channel and type, as frames have them
         self._there: dict[int, tuple[str, ...]] = {}
+        self._mismatches: dict[int, str] = {}
         self._sieves: dict[int, list[Sieve]] = {}
         self._version = -1
         self._finder = wire.FrameFinder()
@@ -92,6 +94,7 @@ class TopicPort:
             if channel == wire.ABOUT:
                 self._version = -1
                 self._there.clear()
+                self._mismatches.clear()
             for sender in self._senders.get(channel, ()):
                 sender.send(payload)
 
@@ -127,13 +130,16 @@ class TopicPort:
     def _find(self, number: int, channel: Channel) -> None:
         """Look for who is at the other end; all that listen are told, whatever their types and hashes."""
         role = wire.SUBSCRIBER if channel.sends else wire.PUBLISHER
-        found = [each for each in self._node.entities(role, channel.topic) if each.kind in channel.kinds]
+        everybody = self._node.entities(role, channel.topic)
+        found = [each for each in everybody if each.kind in channel.kinds]
         for place, kind in enumerate(channel.kinds if channel.sends else ()):
             digests = sorted({each.digest for each in found if each.kind == kind})
             senders = [self._node.publisher(channel.topic, kind, each) for each in digests]
             self._senders[wire.at(number, place)] = senders
         there = {each.kind for each in found}
+        others = sorted({each.kind for each in everybody} - there)
         with self._changed:
+            self._say_mismatch(number, channel, others)
             if channel.sends or not there or number not in self._there:
                 self._say(number, tuple(kind for kind in channel.kinds if kind in there))
 
@@ -142,9 +148,19 @@ class TopicPort:
             self._there[number] = kinds
             self._said.append(wire.about(number, *kinds))
 
+    def _say_mismatch(self, number: int, channel: Channel, others: Sequence[str]) -> None:
+        """Tell of other types than those expected, as they come and go."""
+        what = "a node listens for" if channel.sends else "a node sends"
+        why = f"expected {' or '.join(channel.kinds)}, but {what} {' and '.join(others)}" if others else ""
+        if self._mismatches.get(number, "") != why:
+            self._mismatches[number] = why
+            self._said.append(wire.mismatch(number, why))
 
-def absent(who: str, channel: Channel) -> NotConnected:
-    """Say that nobody is there for a channel."""
+
+def absent(who: str, channel: Channel, why: str = "") -> NotConnected:
+    """Say that nobody is there for a channel; or ``why`` who is there is of no use."""
+    if why:
+        return NotConnected(f"{who}: {why}", hint=hint_for(channel.topic))
     verb = "listens to" if channel.sends else "sends"
     hint = f"`mission ros2 topics` lists what there is; is {channel.topic} right, and its namespace?"
     return NotConnected(f"{who}: nobody {verb} {channel.topic} ({' or '.join(channel.kinds)})", hint=hint)

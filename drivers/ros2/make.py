@@ -75,7 +75,9 @@ def ranger(keys: Ros2RangeKeys, site: Site) -> Ros2Ranger:
     nodes: Ros2Graph = site.parts["ros2"]
     channel = Channel(nodes.full(keys.scan), (SCAN,), depth=1)
     line = link("range", nodes.node, [channel], site.report)
-    return Ros2Ranger(line, site.clock, channel, place=keys.place, blind=keys.blind, changed=site.changed)
+    return Ros2Ranger(
+        line, site.clock, channel, place=keys.place, blind=keys.blind, report=site.report, changed=site.changed
+    )
 
 
 def camera(keys: Ros2CameraKeys, site: Site) -> ThreadedCamera:
@@ -83,7 +85,7 @@ def camera(keys: Ros2CameraKeys, site: Site) -> ThreadedCamera:
     nodes: Ros2Graph = site.parts["ros2"]
     topic = nodes.full(keys.image)
     return ThreadedCamera(
-        lambda: TopicFeed(nodes.node, topic),
+        lambda: TopicFeed(nodes.node, topic, site.clock, site.report),
         site.clock,
         name="camera",
         field_of_view=keys.field_of_view,
@@ -145,4 +147,4 @@ def voice(keys: Ros2VoiceKeys, site: Site) -> Ros2Voice:
     nodes: Ros2Graph = site.parts["ros2"]
     channel = Channel(nodes.full(keys.topic), (STRING,), sends=True)
     line = link("voice", nodes.node, [channel], site.report)
-    return Ros2Voice(line, site.clock, channel, usual=keys.manner, changed=site.changed)
+    return Ros2Voice(line, site.clock, channel, usual=keys.manner, report=site.report, changed=site.changed)

@@ -6,9 +6,11 @@ from contextlib import suppress
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
+from drivers.api import Report, ignore
 from drivers.clock import Clock, since_1970
 from drivers.errors import NotConnected
 from drivers.ros2 import wire
+from drivers.ros2.faults import TopicFaults
 from drivers.ros2.sieve import Sieve
 from drivers.ros2.types import types
 from drivers.ros2.wire import Attachment, Entity
@@ -18,6 +20,8 @@ if TYPE_CHECKING:
 
 Heard = Callable[[str, bytes], None]
 """Told of a message: its type, and its bytes. Called from a thread of Zenoh's; must return at once."""
+
+UNATTACHED = "it comes without what rmw_zenoh attaches, and is not used; is its node started with rmw_zenoh_cpp?"
 
 Replied = Callable[[bytes | None], None]
 """Told of the reply to a request; None once there will be none. Called from a thread of Zenoh's."""
@@ -30,7 +34,14 @@ class Node:
     """
 
     def __init__(
-        self, session: "zenoh.Session", clock: Clock, *, domain: int = 0, namespace: str = "", name: str = "missiontree"
+        self,
+        session: "zenoh.Session",
+        clock: Clock,
+        *,
+        domain: int = 0,
+        namespace: str = "",
+        name: str = "missiontree",
+        report: Report = ignore,
     ) -> None:
         import zenoh  # noqa: PLC0415 - an extra
 
@@ -38,8 +49,8 @@ class Node:
         self.domain, self.namespace, self.name = domain, namespace, name
         self.version = 0
         self.lost = False
-        self.unattached = ""
-        """A topic whose messages come without what `rmw_zenoh` attaches; they are not heard."""
+        self.faults = TopicFaults("ros2", [], clock, report)
+        """What is wrong with messages that are taken for the whole node: of requests, actions, conditions."""
         self._named = False  # as all that is attached is here: see Attachment
         self._zid = str(session.zid())
         self._lock = Lock()
@@ -216,7 +227,7 @@ class Node:
         def take(sample: "zenoh.Sample") -> None:
             told = self._attached(sample.attachment)
             if told is None:
-                self.unattached = name
+                self.faults.add_of(name, UNATTACHED)
             elif sieve.passes(told, self._clock.now()):
                 heard(kind, bytes(sample.payload))
 

@@ -239,8 +239,9 @@ class Requests:
         """Take that the server has heard of a cancel, or has not; the end of the goal is told otherwise."""
         try:
             code = REJECTED if payload is None else types().decode(f"{CANCEL_KIND}_Response", payload).return_code
-        except Malformed:
-            code = 0
+        except Malformed as error:
+            code = REJECTED  # whether it was cancelled is not known
+            self._nodes().faults.add_of(f"{request.name}/{CANCEL}", error)
         with self._lock:
             if code == REJECTED:
                 request.cancelling = False  # so it is asked again
@@ -278,7 +279,8 @@ class Requests:
         try:
             told = types().decode(kind, payload)
             uuid = told.goal_id.uuid.tolist()
-        except (Malformed, AttributeError):
+        except (Malformed, AttributeError) as error:
+            self._nodes().faults.add_of(kind, error)
             return
         for request in list(self._all.values()):
             if request.uuid == uuid and not request.progress.over:

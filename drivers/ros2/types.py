@@ -110,11 +110,17 @@ class Types:
             raise BadRequest(f"{name}: a value does not fit: {error}") from error
 
     def decode(self, name: str, payload: bytes) -> Any:
-        """Return the message: an object with the fields of the type. Raises Malformed for bytes that are none."""
+        """Return the message: an object with the fields of the type. Raises Malformed, with what came instead.
+
+        CDR of either byte order; XCDR2 and parameter lists, which ROS 2 never sends, are refused by name.
+        """
         try:
+            if wrong := _encapsulation_fault(payload):
+                raise ValueError(wrong)
             return self._store.deserialize_cdr(payload, self._known(name))
         except Exception as error:  # bytes from outside: whatever they bring about is their fault
-            raise Malformed(f"{name}: {len(payload)} bytes that are no such message: {error}") from error
+            begin = f" that begin {payload[:8].hex(' ')}" if payload else ""
+            raise Malformed(f"expected {name}, got {len(payload)} bytes{begin}: {error}") from error
 
     def values(self, message: object, depth: int = _DEEPEST) -> Any:
         """Return a message in plain values, as JSON has them; of long arrays the beginning."""
@@ -174,6 +180,23 @@ class Types:
         if what == Nodetype.ARRAY and value is None:
             given = [None] * size
         return [self._value(inner, each, f"{at}[{place}]") for place, each in enumerate(given)]
+
+
+_ENCAPSULATIONS = {
+    2: "a parameter list (PL_CDR)", 3: "a parameter list (PL_CDR)", 6: "XCDR2", 7: "XCDR2", 8: "XCDR2 (delimited)",
+    9: "XCDR2 (delimited)", 10: "XCDR2 (parameter list)", 11: "XCDR2 (parameter list)",
+}  # fmt: skip
+"""What DDS has besides CDR, by the second byte of a payload."""
+
+
+def _encapsulation_fault(payload: bytes) -> str:
+    """Return what is wrong with the header of a payload; empty for CDR."""
+    if len(payload) < 4:
+        return "too short for the header of CDR"
+    if payload[0] == 0 and payload[1] in (0, 1):
+        return ""
+    known = _ENCAPSULATIONS.get(payload[1], "") if payload[0] == 0 else ""
+    return f"its header says {known}, and not CDR" if known else "it does not begin with a header of CDR"
 
 
 def _whose(name: str, known: Mapping[str, object]) -> str | None:

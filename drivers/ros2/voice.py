@@ -4,11 +4,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from drivers.api import AS_USUAL, Health, Manner, Priority, Utterance, ignore
+from drivers.api import AS_USUAL, Health, Manner, Priority, Report, Utterance, ignore
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
 from drivers.link import Link
 from drivers.ros2 import wire
+from drivers.ros2.faults import TopicFaults
 from drivers.ros2.line import Channel, absent
 from drivers.ros2.types import types
 from drivers.voice.printed import PrintedVoice
@@ -29,10 +30,12 @@ class Ros2Voice(PrintedVoice):
         channel: Channel,
         *,
         usual: Manner = AS_USUAL,
+        report: Report = ignore,
         changed: Callable[[], None] = ignore,
     ) -> None:
         super().__init__(clock, self._send, usual=usual, changed=changed)
         self._link, self._channel = link, channel
+        self._faults = TopicFaults(self.name, [channel.topic], clock, report)
         self._finder = wire.FrameFinder()
         self._kind = ""
 
@@ -54,7 +57,7 @@ class Ros2Voice(PrintedVoice):
         if not link.online:
             return Health(False, link.detail, link.hint, {**link.counters, **health.counters})
         if not self._kind:
-            error = absent(self.name, self._channel)
+            error = absent(self.name, self._channel, self._faults.why(0))
             return Health(False, str(error), error.hint, {**link.counters, **health.counters})
         return replace(health, counters={**link.counters, **health.counters})
 
@@ -84,6 +87,8 @@ class Ros2Voice(PrintedVoice):
         for channel, payload in self._finder.feed(data):
             if channel == wire.ABOUT:
                 self._kind = next(iter(wire.told(payload)[1]), "")
+            elif channel == wire.MISMATCH:
+                self._faults.mismatch(payload)
 
     def pulse(self) -> None:
         """Let what waits have its turn."""

@@ -150,7 +150,7 @@ class Felt:
                 since = 0.0 if before is None else now - before[2]
                 velocity = (position - before[0]) / since if before is not None and since > 0 else 0.0
             if not (abs(position) < FAR and abs(velocity) < FAR):
-                raise ValueError("joints of no robot")
+                raise ValueError(f"its joint {joint.there} is at {position:g} rad, {velocity:g} rad/s, in {STATE}")
             found[name] = (position, velocity, now)
         self._all = {**self._all, **found}
         return bool(found)

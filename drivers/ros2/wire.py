@@ -28,6 +28,9 @@ _NAME = re.compile(r"/?\w+(/\w+)*", re.ASCII)
 ABOUT = 0xFFFF
 """The channel on which a line tells what it has found of the others."""
 
+MISMATCH = 0xFFFE
+"""The channel on which a line tells of another type under the name of a topic."""
+
 _KEPT = 64_000_000
 """Bytes of a frame at most: more is no frame."""
 
@@ -183,6 +186,18 @@ def frame(channel: int, payload: bytes, kind: int = 0) -> bytes:
 def about(channel: int, *kinds: str) -> bytes:
     """Return the frame that tells of a channel: the types of those who are there, nothing for nobody."""
     return frame(ABOUT, struct.pack("<H", channel) + " ".join(kinds).encode())
+
+
+def mismatch(channel: int, why: str) -> bytes:
+    """Return the frame that tells of another type under the name of a channel; empty once it is there no more."""
+    return frame(MISMATCH, struct.pack("<H", channel) + why.encode())
+
+
+def mismatch_of(payload: bytes) -> tuple[int, str]:
+    """Return the channel and the words of a frame of ``mismatch``. Raises ValueError for what is none."""
+    if len(payload) < 2:
+        raise ValueError("too short")
+    return struct.unpack_from("<H", payload)[0], payload[2:].decode(errors="replace")
 
 
 ASK = frame(ABOUT, b"")

@@ -16,6 +16,7 @@ from drivers.ros2.actions import ActionServer
 from drivers.ros2.base import KINDS
 from drivers.ros2.camera import IMAGES, picture
 from drivers.ros2.declared import Ros2ArmKeys, Ros2BaseKeys, Ros2JointKeys, Ros2RangeKeys, ZenohKeys
+from drivers.ros2.faults import TopicFaults
 from drivers.ros2.make import arm, base, graph, ranger, topics_of
 from drivers.ros2.node import Node
 from drivers.ros2.ranger import SCAN
@@ -32,6 +33,8 @@ Take = Callable[[bytes], object]
 
 class Deaf:
     """A node to which nobody listens."""
+
+    faults = TopicFaults("ros2", [], ManualClock())
 
     def publisher(self, *_: Any) -> "Deaf":
         return self

@@ -2,7 +2,7 @@
 
 import struct
 from collections.abc import Iterator
-from math import cos, inf, nan, sin
+from math import cos, inf, nan, sin, tau
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from drivers.api import Sides
+from drivers.api import Health, Sides
 from drivers.api.driver import Site
 from drivers.clock import ManualClock
 from drivers.ros2 import create3, wire
@@ -113,6 +113,77 @@ def test_a_scan_whose_beams_are_nowhere_is_none(ranger: Ros2Ranger) -> None:
     for wrong in several:
         assert scanned(ranger, **wrong) is None
     assert ranger.health().counters["malformed"] == 4
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"range_max": 0.0},
+        {"range_max": nan},
+        {"range_max": 0.0, "range_min": 0.0},
+        {"range_min": nan},
+        {"scan_time": nan},
+        {"angle_max": 0.0, "angle_min": 0.0, "angle_increment": 2.0},
+        {"angle_min": 6.0, "angle_max": 6.2 - tau},
+        {"angle_max": 0.2},
+        {"angle_max": nan},
+        {"intensities": [1.0, 2.0, 3.0]},
+    ],
+)
+def test_a_scan_with_figures_left_out_is_used_where_its_meaning_is_clear(
+    ranger: Ros2Ranger, given: dict[str, object]
+) -> None:
+    scan = scanned(ranger, **given)
+    assert scan is not None
+    assert scan.ranges.tolist() == [1.0, 2.0, 3.0]
+    assert (scan.least, scan.most) >= (0.0, 10.0)
+    assert ranger.health().counters["malformed"] == 0
+
+
+REFUSED: tuple[tuple[dict[str, object], str], ...] = (
+    ({"range_max": 0.05}, "its range_min is 0.1 and its range_max 0.05 m"),
+    ({"range_max": -1.0}, "its range_max -1 m"),
+    ({"range_max": -inf}, "its range_max -inf m"),
+    ({"range_min": inf}, "its range_min is inf"),
+    ({"angle_increment": 0.0}, "its angle_increment is 0"),
+    ({"angle_increment": nan}, "its angle_increment is nan"),
+    ({"angle_increment": -0.1}, "its angles go from -0.1 to 0.1 rad, which is not 3 ranges by -0.1 rad"),
+    ({"angle_max": -0.1 + 2, "angle_increment": 0.01}, "which is not 3 ranges by 0.01 rad"),
+    ({"angle_min": -180.0, "angle_max": 180.0, "angle_increment": 120.0}, "more than a turn: is it in degrees?"),
+    ({"angle_min": nan}, "its angle_min is nan"),
+    ({"ranges": [], "intensities": [1.0, 2.0]}, "it has no ranges, but 2 intensities"),
+    ({"ranges": []}, "it has no ranges"),
+    ({"ranges": [1.0] * 10_001, "angle_increment": 1e-5}, "it has 10001 ranges, and 10000 are the most"),
+    ({"ranges": [0.0, 0.0, 0.0]}, "all its 3 ranges are 0: nothing was measured"),
+    ({"ranges": [0.0, nan, nan]}, "all its 3 ranges are 0 or not a number"),
+    ({"ranges": [0.01, 0.02, -inf]}, "all its 3 ranges are below its range_min of 0.1 m"),
+    ({"ranges": [800.0, 950.0, 1200.0]}, "above its range_max of 10 m (800 to 1200): are they in millimetres?"),
+    ({"ranges": [1.0] * 40}, "which is not 40 ranges by 0.1 rad"),
+)
+
+
+@pytest.mark.parametrize(("given", "why"), REFUSED)
+def test_a_scan_without_a_clear_meaning_is_refused_by_name(
+    ranger: Ros2Ranger, given: dict[str, object], why: str
+) -> None:
+    ranger._kind = SCAN
+    ranger._link.health = lambda: Health(True)  # type: ignore[method-assign]
+    assert scanned(ranger, **given) is None
+    health = ranger.health()
+    assert (health.online, health.counters["malformed"]) == (False, 1)
+    assert health.detail.startswith("range: /scan: malformed message: ")
+    assert why in health.detail
+    assert SCAN in health.detail
+
+
+def test_a_clockwise_scan_has_left_on_its_left(ranger: Ros2Ranger) -> None:
+    scan = scanned(ranger, angle_min=1.6, angle_max=-1.6, angle_increment=-1.6, ranges=[1.0, 2.0, 3.0])
+    assert dict(zip(scan.bearings().round(3).tolist(), scan.ranges.tolist(), strict=True)) == {-1.6: 3, 0: 2, 1.6: 1}
+
+
+@pytest.mark.parametrize("blank", [[inf, inf, inf], [10.5, 10.5, 10.5], [0.0, inf, -inf]])
+def test_a_scan_with_nothing_near_is_one(ranger: Ros2Ranger, blank: list[float]) -> None:
+    assert np.isnan(scanned(ranger, ranges=blank).ranges).all()
 
 
 # --- bases ----------------------------------------------------------------------------------------------------------
@@ -317,7 +388,7 @@ def test_a_compressed_picture_that_ends_early_is_none(suffix: str) -> None:
 
 
 def test_a_camera_whose_pictures_are_not_understood_says_why() -> None:
-    feed = TopicFeed(lambda _: None, "/depth")  # type: ignore[arg-type,return-value]
+    feed = TopicFeed(lambda _: None, "/depth", ManualClock())  # type: ignore[arg-type,return-value]
     feed._port = Sent(types().encode(IMAGES[0], {"height": 1, "width": 1, "encoding": "32FC1", "step": 4}))  # type: ignore[assignment]
     feed._kind = IMAGES[0]
     assert feed.grab(lambda: True) is None
