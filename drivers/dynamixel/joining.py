@@ -1,7 +1,7 @@
 """How a servo joins the robot: it is identified, then its volatile settings are restored; never its EEPROM."""
 
 from contextlib import suppress
-from math import degrees
+from math import ceil, degrees, floor
 
 from drivers.dynamixel import wire2
 from drivers.dynamixel.bus import TRIES, At, Bus
@@ -12,6 +12,7 @@ from drivers.dynamixel.register import Block
 from drivers.dynamixel.torque import enable, stiffen
 from drivers.dynamixel.units import called
 from drivers.errors import BadRequest, NoReply
+from drivers.feetech.lerobot import Calibrated, calibration_of
 
 NEEDED = (
     ("drive_mode", 0b111, 0, "is reversed, timed or driven by another"),
@@ -26,6 +27,9 @@ NEEDED = (
     ("angular_resolution", 0xFF, 1, "counts in other steps"),
 )
 """Registers, which bits of them count, what these must be, and what else is the matter. No model has them all."""
+
+CALIBRATION = ("homing_offset", "operating_mode", "drive_mode")
+"""Registers of a Dynamixel that LeRobot sets as it calibrates an arm."""
 
 
 def difference(bus: Bus, joint: Joint) -> str:
@@ -162,17 +166,46 @@ def _range_faults(joint: Joint) -> list[Trouble]:
 
 def _narrower(joint: Joint, low: int, high: int) -> str:
     """Return what helps where a servo goes less far than its joint: a servo that was calibrated is to stay so."""
-    if joint.at.protocol == "STS":
-        return (
-            "it was calibrated, by LeRobot perhaps: name the calibration file in the robot file, and leave the limits "
-            f"out (calibration: {LEROBOT_FILES}); else calibrate it: mission servo home --into FILE --robot FILE"
-        )
     ends = sorted(degrees(joint.angle(end)) for end in (low, high))
-    return f"write limits: [{ends[0]:.0f} deg, {ends[1]:.0f} deg] in the robot file"
+    limits = f"write limits: [{ceil(ends[0])} deg, {floor(ends[1])} deg]"
+    if joint.at.protocol != "STS":
+        return f"{limits} in the robot file"
+    if path := _lerobot_file(joint):
+        return f"LeRobot has calibrated it: write calibration: {path} in the robot file, and leave the limits out"
+    return (
+        f"it was calibrated, by LeRobot perhaps: name its file in the robot file (calibration: {LEROBOT_FILES}) and "
+        f"leave the limits out, or {limits}"
+    )
 
 
 LEROBOT_FILES = "~/.cache/huggingface/lerobot/calibration/robots/NAME/ID.json"
 """Where LeRobot keeps its calibrations."""
+
+CALIBRATED = (
+    "another program has calibrated it, LeRobot perhaps, and needs that: leave it to that program, or give the arm to "
+    "MissionTree with servos that count from their own zero"
+)
+"""What is said of a Dynamixel whose offset a program has set: this driver has no place for one."""
+
+
+def _lerobot_file(joint: Joint) -> str:
+    """Return LeRobot's calibration file that the settings of an STS come from; empty without one."""
+    values = (joint.value(name) for name in ("position_offset", "min_position", "max_position"))
+    found = calibration_of({joint.spec.id: Calibrated(*values)})
+    return found[0] if found else ""
+
+
+def _recalibrated(joint: Joint) -> str:
+    """Return what helps where a servo has another offset than its calibration file says."""
+    if path := _lerobot_file(joint):
+        return f"LeRobot has calibrated it anew: write calibration: {path} in the robot file"
+    last = joint.model.last
+    if (joint.value("position_offset"), joint.value("min_position"), joint.value("max_position")) == (0, 0, last):
+        return "mission servo home --restore --robot FILE"  # as delivered: there is nothing to lose
+    return (
+        f"it was calibrated anew, or is another servo: name the file of that calibration (mission servo info "
+        f"{joint.spec.id} --robot FILE shows what it holds)"
+    )
 
 
 def _mode_faults(joint: Joint) -> list[Trouble]:
@@ -183,14 +216,14 @@ def _mode_faults(joint: Joint) -> list[Trouble]:
         if register in table and (value := joint.value(register)) & mask != needed:
             right = value & ~mask | needed
             cure = _setting(joint, register, right)
-            if register == "homing_offset":
-                cure = f"if no other program (LeRobot) needs its calibration: {cure}"
+            if register in CALIBRATION and "homing_offset" in table and joint.value("homing_offset"):
+                cure = CALIBRATED
             found.append((f"{words} ({register.replace('_', ' ')} {value}, not {right})", cure))
     if joint.value(table.torque_ceiling) == 0:
         told = f"has no force ({table.torque_ceiling.replace('_', ' ')} 0)"
         most = joint.model.default(table[table.torque_ceiling])
         found.append((told, _setting(joint, table.torque_ceiling, most)))
     if joint.spec.offset is not None and (offset := joint.value("position_offset")) != joint.spec.offset:
-        cure = "mission servo home --restore --robot FILE"
+        cure = _recalibrated(joint)
         found.append((f"has position offset {offset}, its calibration says {joint.spec.offset}: {cure}", cure))
     return found

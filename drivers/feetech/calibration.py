@@ -52,6 +52,11 @@ _BOUNDS: Mapping[str, tuple[int, int]] = MappingProxyType(
 )
 
 
+OLD_KEYS = frozenset({"motor_names", "homing_offset", "drive_mode", "start_pos", "end_pos"})
+"""Keys of LeRobot's calibration files until June 2025: parallel lists."""
+
+OLD_FORM = "a calibration of LeRobot's from before June 2025, whose offsets were in no servo: it cannot be used"
+
 LARGEST = 1_000_000
 """Bytes that a calibration file may have."""
 
@@ -65,7 +70,7 @@ def load(path: str) -> Mapping[str, MotorCalibration]:
             raise OSError(f"no file of at most {LARGEST} bytes")
         return _load(str(file), found.st_mtime_ns, found.st_size)
     except OSError as error:
-        hint = f"leave `calibration` out, then: mission servo home --into {path} --robot FILE"
+        hint = "name the file as `ls` shows it; LeRobot's are in ~/.cache/huggingface/lerobot/calibration"
         raise BadRequest(f"calibration {path}: {error.strerror or error}", hint=hint) from error
 
 
@@ -77,11 +82,16 @@ def _load(path: str, *_: int) -> Mapping[str, MotorCalibration]:
         raise BadRequest(f"calibration {path}: it is no JSON: {error}") from error
     if not isinstance(told, dict) or not told:
         raise BadRequest(f"calibration {path}: it names no motors", hint='{"elbow_flex": {"id": 3, ...}}')
+    if told.keys() >= OLD_KEYS:
+        raise BadRequest(
+            f"calibration {path}: {OLD_FORM}",
+            hint="calibrate the arm with today's lerobot-calibrate, and name its file",
+        )
     faults = [fault for motor, each in told.items() for fault in _faults(motor, each)]
     if faults:
         raise BadRequest(
             f"calibration {path}: {'; '.join(faults)}",
-            hint="correct the file, or leave it out and write it anew: mission servo home --into FILE --robot ROBOT",
+            hint="take the file anew from where the arm was calibrated, or leave `calibration` out",
         )
     return MappingProxyType({motor: MotorCalibration(**{f: each[f] for f in _BOUNDS}) for motor, each in told.items()})
 

@@ -125,7 +125,7 @@ def test_a_motor_that_the_file_lacks_a_file_that_is_none_and_one_that_is_not_the
     path.unlink()
     (fault,) = faults_of(path)
     assert "No such file" in fault.message
-    assert "mission servo home --into" in fault.suggestion
+    assert "name the file as `ls` shows it" in fault.suggestion
 
 
 def test_a_file_is_written_as_it_was_read(tmp_path: Path) -> None:

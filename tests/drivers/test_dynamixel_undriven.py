@@ -31,9 +31,9 @@ CASES = [
     ("XL430-W250", setting(operating_mode=4), "operating mode 4, not 3", "servo set 2 operating_mode 3"),
     ("XL430-W250", setting(operating_mode=16), "operating mode 16, not 3", "servo set 2 operating_mode 3"),
     ("XL430-W250", setting(drive_mode=1), "drive mode 1, not 0", "servo set 2 drive_mode 0"),
-    ("XL430-W250", setting(homing_offset=99), "homing offset 99, not 0", "servo set 2 homing_offset 0"),
+    ("XL430-W250", setting(homing_offset=99), "homing offset 99, not 0", "another program has calibrated it"),
     ("XL430-W250", setting(pwm_limit=0), "no force (pwm limit 0)", "servo set 2 pwm_limit 885"),
-    ("XL430-W250", setting(min_position=2000), "angle limits of 2000..4095", "write limits: [-4 deg, 180 deg]"),
+    ("XL430-W250", setting(min_position=2000), "angle limits of 2000..4095", "write limits: [-4 deg, 179 deg]"),
     ("XL430-W250", setting(status_return_level=1), "status return level 1, not 2", "set 2 status_return_level 2"),
     ("XL430-W250", setting(status_return_level=0), "status return level is 0", "set 2 status_return_level 2"),
     ("AX-12A", setting(cw_angle_limit=0, ccw_angle_limit=0), "in wheel mode", "servo set 2 ccw_angle_limit 1023"),
@@ -68,6 +68,19 @@ def test_a_servo_that_cannot_be_driven_is_told_with_what_helps(
     assert fix in health.hint
     assert bytes(bad.table[:24]) == before
     assert bad.limp
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [setting(operating_mode=4, homing_offset=-1023), setting(operating_mode=5, homing_offset=512, drive_mode=1)],
+)
+def test_a_dynamixel_that_lerobot_calibrated_is_left_to_it(make: Make, spoil: Spoil) -> None:
+    servo = VirtualServo(2, model="XL430-W250")
+    spoil(servo)
+    arm = make({"elbow": JointSpec(2, "XL430-W250", lower=-1.0, upper=1.0)}, servos=VirtualServoBus([servo])).start()
+    assert "another program has calibrated it, LeRobot perhaps" in arm.joints.health().hint
+    assert "servo set" not in arm.joints.health().hint
+    assert servo.limp
 
 
 def test_two_servos_with_one_id_are_left_alone_until_one_is_unplugged(make: Make) -> None:

@@ -29,6 +29,7 @@ from drivers.clock import SystemClock
 from drivers.dynamixel import wire
 from drivers.dynamixel.declared import DynamixelKeys
 from drivers.dynamixel.wire import Instruction
+from drivers.feetech.declared import FeetechKeys
 from drivers.keeper import wire as lines
 from drivers.sim.body import Body
 from drivers.virtual.dynamixel import VirtualServoBus
@@ -186,6 +187,53 @@ def test_an_so101_waves_after_few_answers(bench: Workbench, capsys: pytest.Captu
     assert ran.code == 0, ran.err
 
 
+MINE = {
+    name: {"id": number, "drive_mode": 0, "homing_offset": 10 * number, "range_min": 900, "range_max": 3000 + number}
+    for number, name in enumerate(("pan", "lift", "elbow", "flex", "roll", "jaw"), 1)
+}
+"""A calibration of LeRobot's, with names of its own."""
+
+
+def calibrate_so101(bench: Workbench) -> None:
+    chain = plug_so101(bench)
+    for servo, motor in zip(chain.servos, MINE.values(), strict=True):
+        servo.set("position_offset", motor["homing_offset"])
+        servo.set("min_position", motor["range_min"])
+        servo.set("max_position", motor["range_max"])
+
+
+@pytest.mark.parametrize("like", ["so101", "none"])
+def test_the_calibration_of_lerobot_is_offered_and_taken_with_its_names(
+    bench: Workbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, like: str
+) -> None:
+    calibrate_so101(bench)
+    monkeypatch.setenv("HF_LEROBOT_HOME", str(tmp_path))
+    file = tmp_path / "calibration/robots/so_follower/mine.json"
+    file.parent.mkdir(parents=True)
+    file.write_text(json.dumps(MINE))
+    (file.parent / "other.json").write_text(json.dumps({"pan": {**MINE["pan"], "homing_offset": 7}}))
+    person = Person({**ADA, r"like\?": like})
+    bench.session(person)
+    assert any(f"({file}): shall its calibration be used?" in asked for asked in person.asked)
+    assert not any("find the limits" in asked for asked in person.asked)
+    arm = load_robot(find("robots", "ada")).keys(FeetechKeys)
+    assert arm is not None
+    assert arm.calibration == str(file)
+    assert {name: joint.id for name, joint in arm.servos.items()} == {name: it["id"] for name, it in MINE.items()}
+    assert all(joint.limits is None for joint in arm.joints.values())
+    assert bench.instructions("ttyACM0") == READS
+
+
+def test_a_calibration_without_its_file_leaves_its_limits(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+    calibrate_so101(bench)
+    bench.session(Person({**ADA, r"like\?": "so101"}))
+    assert "were calibrated by another program" in capsys.readouterr().out
+    arm = load_robot(find("robots", "ada")).keys(FeetechKeys)
+    assert arm is not None
+    low, high = (arm.joints["gripper"].kind.ticks(end) for end in arm.joints["gripper"].ends)
+    assert (low, high) == (900, 3006)
+
+
 @pytest.mark.parametrize("model", ["pi_car", "wave_rover"])
 def test_a_car_that_is_not_plugged_in_is_made_like_a_known_one(
     bench: Workbench, capsys: pytest.CaptureFixture[str], model: str
@@ -325,7 +373,7 @@ def test_servos_of_other_models_are_no_known_arm(bench: Workbench) -> None:
 def plug_strangers(bench: Workbench) -> None:
     servos = [VirtualServo(number, model="XM430-W350") for number in (1, 2, 3)]
     for stranger in servos[1:]:
-        stranger.set("model_number", 1120)
+        stranger.set("model_number", 1125)
     bench.plug("ttyUSB1", VirtualServoBus(servos), "0403:6014", "FT7")
 
 
@@ -333,7 +381,7 @@ def test_an_unknown_model_is_asked_for_and_never_taken_for_another(bench: Workbe
     plug_strangers(bench)
     person = Person({"called": "kit", "model is servo 2": "XM430-W350", "model is servo 3": "none"})
     bench.session(person)
-    assert any("which model is servo 2, which says: number 1120?" in asked for asked in person.asked)
+    assert any("which model is servo 2, which says: number 1125?" in asked for asked in person.asked)
     arm = load_robot(find("robots", "kit")).keys(DynamixelKeys)
     assert arm is not None
     assert {joint.id: joint.model for joint in arm.joints.values()} == {1: "XM430-W350", 2: "XM430-W350"}

@@ -120,7 +120,7 @@ def test_middles_ranges_and_offsets_go_into_the_servos_and_into_a_file_that_can_
     assert mission("servo home --restore --robot two.yaml --yes").code == 0
     assert mission("servo torque on --robot two.yaml").code == 0
     assert "the servos are set so already" in mission("servo home --restore --robot two.yaml --yes").out
-    assert "mission servo home --robot two.yaml" in mission("servo calibrate --robot two.yaml --seconds 1").err
+    assert "calibrate with the program that wrote it" in mission("servo calibrate --robot two.yaml --seconds 1").err
 
 
 def test_what_was_hardly_turned_is_not_written(servos: VirtualServoBus, mission: Mission) -> None:
@@ -168,6 +168,132 @@ def test_a_range_over_the_seam_is_told_and_one_up_to_it_is_not() -> None:
         homed.look(bus)
     assert homed.trouble(0) == ""
     assert (homed.highest - homed.lowest) * STS.tick == pytest.approx(radians(354), abs=0.01)
-    servo.turn_by_hand(radians(-15))
-    homed.look(bus)
+
+
+def test_a_range_over_the_seam_is_refused_and_a_whole_turn_is_that_of_a_joint_without_stops() -> None:
+    servo = VirtualServo(1, model="STS3215", angle=radians(170))
+    bus: Bus = Wired(VirtualServoBus([servo])).bus()
+    joint = Joint("roll", JointSpec(1, "STS3215"), STS)
+    homed = Homed(joint, 0, offset_for(bus.read(joint.at, STS.table["present_position"]), 0))
+    for angle in (250, 300, 200, 60, -15):  # 130 degrees from where it stood one way, 185 the other
+        servo.turn_by_hand(radians(angle))
+        homed.look(bus)
     assert "begin anew" in homed.trouble(0)
+    assert "--no-stops" in homed.trouble(0)
+    servo.turn_by_hand(radians(-65))
+    homed.look(bus)
+    assert homed.trouble(20) == ""
+    found = homed.found(20, 0)
+    assert (found.homing_offset, found.range_min, found.range_max) == (homed.offset, 0, 4095)
+
+
+@pytest.mark.real_time
+def test_a_joint_without_stops_need_not_be_turned(
+    servos: VirtualServoBus, clock: PatientClock, mission: Mission, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    elbow, jaw = servos.servos
+    by_hand(monkeypatch, clock, turned_one(elbow, -60.0, 50.0))
+    outcome = mission("servo home --robot two.yaml --into two.json --no-stops jaw --seconds 0.3 --yes")
+    assert outcome.code == 0, outcome.err
+    assert "turns all the way round" in outcome.out
+    told = json.loads(Path("two.json").read_text())["jaw"]
+    assert (told["range_min"], told["range_max"]) == (0, 4095)
+    assert (jaw.get("min_position"), jaw.get("max_position")) == (0, 4095)
+    wrong = mission("servo home elbow --robot two.yaml --into two.json --no-stops jaw --seconds 0.3 --yes")
+    assert wrong.code == 2
+    assert "jaw is not among the joints" in wrong.err
+
+
+def turned_one(servo: VirtualServo, *angles: float) -> Iterator[None]:
+    stood = servo.angle
+    for angle in angles:
+        servo.turn_by_hand(stood + radians(angle))
+        yield
+
+
+# --- what LeRobot has calibrated is kept ------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def lerobot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the calibration file of LeRobot's that the servos were calibrated with, in its folder."""
+    monkeypatch.setenv("HF_LEROBOT_CALIBRATION", str(tmp_path / "cache"))
+    file = tmp_path / "cache/robots/so101_follower/mine.json"
+    file.parent.mkdir(parents=True)
+    motor = {"drive_mode": 0, "homing_offset": -1000, "range_min": 900, "range_max": 3000}
+    file.write_text(json.dumps({"elbow": {"id": 1, **motor}, "jaw": {"id": 2, **motor}}))
+    return file
+
+
+def as_lerobot_sets(servo: VirtualServo) -> None:
+    servo.set("position_offset", -1000)
+    servo.set("min_position", 900)
+    servo.set("max_position", 3000)
+    servo.turn_by_hand((1948 - 1000 - 2048) * STS.tick)  # it shows 1948
+
+
+def test_its_file_is_named_where_the_limits_are_narrower(
+    servos: VirtualServoBus, mission: Mission, lerobot: Path
+) -> None:
+    for servo in servos.servos:
+        as_lerobot_sets(servo)
+    for line in ("servo move elbow 10 deg --robot two.yaml", "robot check two.yaml", "doctor --robot two.yaml"):
+        outcome = mission(line)
+        told = outcome.out + outcome.err
+        assert f"calibration: {lerobot}" in told, line
+        assert "servo set" not in told
+        assert "servo home" not in told
+    text = Path("two.yaml").read_text()
+    Path("two.yaml").write_text(text.replace("at_end", f"calibration: {lerobot}\n  at_end"))
+    assert mission("servo move elbow 10 deg --robot two.yaml").code == 0
+
+
+def test_an_older_file_in_the_robot_file_gives_way_to_the_one_that_fits(
+    servos: VirtualServoBus, mission: Mission, lerobot: Path
+) -> None:
+    old = json.loads(lerobot.read_text())
+    for motor in old.values():
+        motor["homing_offset"] = 77
+    Path("old.json").write_text(json.dumps(old))
+    text = Path("two.yaml").read_text()
+    Path("two.yaml").write_text(text.replace("at_end", "calibration: old.json\n  at_end"))
+    for servo in servos.servos:
+        as_lerobot_sets(servo)
+    told = mission("servo torque on --robot two.yaml").err
+    assert f"LeRobot has calibrated it anew: write calibration: {lerobot}" in told
+    assert "restore" not in told
+    before = [bytes(servo.table[:40]) for servo in servos.servos]
+    outcome = mission("servo home --restore --robot two.yaml --yes")
+    assert outcome.code != 0
+    assert f"{lerobot} will not fit them any more" in outcome.err
+    assert [bytes(servo.table[:40]) for servo in servos.servos] == before
+    lerobot.unlink()
+    told = mission("servo torque on --robot two.yaml").err
+    assert "name the file of that calibration" in told
+    assert "restore" not in told
+
+
+@each(
+    ("content", "words"),
+    [
+        (None, "name the file as `ls` shows it"),
+        ("{}", "names no motors"),
+        ('{"elbow": {"id": 1}}', "take the file anew"),
+        (
+            '{"homing_offset": [0], "drive_mode": [0], "start_pos": [0], "end_pos": [1], "motor_names": ["elbow"]}',
+            "from before June 2025",
+        ),
+    ],
+)
+def test_a_wrong_calibration_file_leads_to_no_new_calibration(
+    servos: VirtualServoBus, mission: Mission, content: str | None, words: str
+) -> None:
+    if content is not None:
+        Path("mine.json").write_text(content)
+    text = Path("two.yaml").read_text()
+    Path("two.yaml").write_text(text.replace("at_end", "calibration: mine.json\n  at_end"))
+    outcome = mission("servo torque on --robot two.yaml")
+    assert outcome.code != 0
+    assert words in outcome.err
+    assert "servo home" not in outcome.err
+    assert all(servo.limp for servo in servos.servos)

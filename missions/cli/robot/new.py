@@ -21,6 +21,7 @@ from drivers.finding.machine import Machine
 from missions.cli.keys import interruptible
 from missions.cli.outputs import check_writable, writing
 from missions.cli.ports import root_option
+from missions.cli.robot.calibrated import take_calibration, take_limits
 from missions.cli.robot.choosing import choose, like
 from missions.cli.robot.desk import Found, plugged_in
 from missions.cli.robot.dialogue import Dialogue
@@ -128,9 +129,7 @@ def _filled(
         part, before, told = parts[kind], dict(parts[kind].section), ""
         while True:
             if issubclass(part.driver.keys, DynamixelKeys):
-                if part.port is not None:
-                    part_ids(talk, kind, part, str(machine.at(part.port.path)), patience=max(patience, 0.004))
-                name_joints(talk, kind, part)
+                _servos(talk, machine, kind, part, max(patience, 0.004))
                 if not part.section["joints"]:
                     talk.tell(f"the {kind} is left out: the model of none of its servos is known")
                     del parts[kind]
@@ -153,6 +152,18 @@ def _filled(
                 talk.forget(f"{kind}{ending}")
             part.section = dict(before)
     return robot_of(Source(name, robot_text(name, summary, _sections(parts))))
+
+
+def _servos(talk: Dialogue, machine: Machine, arm: str, part: Part, patience: float) -> None:
+    """Ask for IDs, calibration and names of the servos of an arm, by its name."""
+    if part.port is None:
+        name_joints(talk, arm, part)
+        return
+    path = str(machine.at(part.port.path))
+    part_ids(talk, arm, part, path, patience=patience)
+    take_calibration(talk, arm, part, path, patience=patience)
+    name_joints(talk, arm, part)
+    take_limits(talk, arm, part, path, patience=patience)
 
 
 def _tried(talk: Dialogue, machine: Machine, parts: Mapping[str, Part], config: RobotConfig, patience: float) -> None:

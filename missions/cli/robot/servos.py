@@ -161,7 +161,7 @@ def find_limits(
 ) -> None:
     """Find how far the joints of the arm ``name`` go, moved by hand: torque goes off, where the user wants it."""
     arm = config.sections[name].keys
-    if not isinstance(arm, DynamixelKeys) or talk.yes or part.port is None:
+    if not isinstance(arm, DynamixelKeys) or talk.yes or part.port is None or "calibration" in part.section:
         return
     question = f"find the limits of the {name}'s joints by hand? they get limp: hold the {name}, it falls"
     if not talk.knows(f"{name} ranges") and not talk.consent(f"{name} limits", question):

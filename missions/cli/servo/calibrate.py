@@ -72,7 +72,10 @@ def calibrate(
     path = find("robots", target.robot)
     arm = target.keys
     if isinstance(arm, FeetechKeys) and arm.calibration:
-        raise click.UsageError(f"how far its joints go is in {arm.calibration}: mission servo home{target.options}")
+        raise click.UsageError(
+            f"how far its joints go is in {arm.calibration}, and so in the servos: calibrate with the program that "
+            "wrote it (lerobot-calibrate, or mission servo home), or write `limits` of a joint into the robot file"
+        )
     require_terminal(seconds)
     try:
         check_keepable(path)

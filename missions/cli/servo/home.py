@@ -39,8 +39,8 @@ class Homed:
     offset: int
     lowest: int = 0
     highest: int = 0
-    last: int = 0
-    torn: bool = False  # it has come to where its steps begin anew
+    place: int = 0  # counted on where its steps begin anew
+    no_stops: bool = False
 
     def look(self, bus: Bus) -> None:
         """Look where the servo is now; one look that gets no answer is no harm. Raises NotConnected."""
@@ -48,19 +48,30 @@ class Homed:
             shown = bus.read(self.joint.at, self.joint.model.table["present_position"])
         except (NoReply, BadRequest):
             return
-        place = (shown + self.before - self.offset) % TURN - HALF_TURN
-        self.torn = self.torn or abs(place - self.last) > TURN // 2
-        self.last = place
-        self.lowest, self.highest = min(self.lowest, place), max(self.highest, place)
+        place = (shown + self.before - self.offset) - HALF_TURN
+        self.place += (place - self.place + TURN // 2) % TURN - TURN // 2
+        self.lowest, self.highest = min(self.lowest, self.place), max(self.highest, self.place)
+
+    @property
+    def endless(self) -> bool:
+        """Whether it has no stops, as the user says or as it was turned."""
+        return self.no_stops or self.highest - self.lowest >= TURN
 
     def trouble(self, margin: int) -> str:
         """Say why its range is none; empty when it is one."""
-        if self.torn:
-            return "turned through half a turn from its middle, where its steps begin anew"
+        if self.endless:
+            return ""
+        if self.lowest < -HALF_TURN or self.highest > TURN - HALF_TURN:
+            return (
+                "turned through half a turn from its middle, where its steps begin anew: begin nearer to its middle; "
+                "one without stops is turned once all the way round, or named: --no-stops"
+            )
         return "hardly turned" if self.highest - self.lowest < LEAST / self.joint.model.tick + 2 * margin else ""
 
     def found(self, margin: int, drive_mode: int) -> MotorCalibration:
         """Return what the calibration file is to say, ``margin`` steps short of either end."""
+        if self.endless:  # as LeRobot writes it
+            return MotorCalibration(self.joint.spec.id, drive_mode, self.offset, 0, LAST)
         low, high = self.lowest + HALF_TURN + margin, self.highest + HALF_TURN - margin
         return MotorCalibration(self.joint.spec.id, drive_mode, self.offset, max(0, low), min(LAST, high))
 
@@ -77,14 +88,16 @@ def offset_for(shown: int, before: int) -> int:
 @click.option("--restore", is_flag=True, help="Set the servos to what the calibration file says; nothing is turned.")
 @click.option("--other-servos", is_flag=True, help="With --restore: also into servos that seem to be others than those "
               "that were calibrated.")  # fmt: skip
+@click.option("--no-stops", "endless", multiple=True, metavar="JOINT", help="A joint that turns all the way round, "
+              "such as wrist_roll: its range is the whole turn, and it need not be turned.")  # fmt: skip
 @click.option("--margin", type=Real(0.0, 20.0), default=2.0, show_default=True, metavar="DEG",
               help="How far before the ends that are touched the limits lie.")  # fmt: skip
 @click.option("--seconds", type=Real(min=0.1), metavar="N",
               help="Take where the arm stands for its middle, and watch for so long; else until Enter.")  # fmt: skip
 @click.option("--yes", is_flag=True, help="Ask nothing: somebody holds the arm, and the EEPROM may be written.")
 def home(
-    target: Target, joints: tuple[str, ...], into: str | None, restore: bool, other_servos: bool, margin: float,
-    seconds: float | None, yes: bool,
+    target: Target, joints: tuple[str, ...], into: str | None, restore: bool, other_servos: bool,
+    endless: tuple[str, ...], margin: float, seconds: float | None, yes: bool,
 ) -> int:  # fmt: skip
     """Calibrate Feetech servos, as lerobot-calibrate does.
 
@@ -111,7 +124,7 @@ def home(
     origin.load(file)  # before anything goes limp: where it cannot be read, the origins of other joints would be lost
     kept = dict(load(path)) if file.exists() else {}
     with opened_bus(target) as bench:
-        found = _turned(bench, bench.chosen(joints), seconds, yes=yes)
+        found = _turned(bench, bench.chosen(joints), endless, seconds, yes=yes)
         click.echo(_table(found, radians(margin)))
         if any(each.trouble(_steps(each, margin)) for each in found):
             click.echo("nothing is written", err=True)
@@ -119,6 +132,8 @@ def home(
         modes = {name: int(joint.reverse) for name, joint in arm.servos.items()}
         new = {each.joint: each.found(_steps(each, margin), modes[each.joint.name]) for each in found}
         plans = _plan(bench, new)
+        if plans and (lost := origin.lost_calibration(bench.bus, plans, file)):
+            click.echo(lost, err=True)
         _confirm_eeprom(plans, yes=yes)
         if not _save(bench, file, kept, new):
             click.echo("the servos are left as they were; --restore --into FILE writes a saved calibration", err=True)
@@ -146,7 +161,8 @@ def _restore(bench: Bench, file: Path, joints: Sequence[Joint], *, yes: bool, ot
     if not other_servos:
         before, now = origin.load(file), origin.settings_of(bench.bus, joints)
         origin.require_same_models(before, now)
-        _settle_doubts(origin.doubts(bench.bus, wanted, before, now), yes=yes)
+        lost = origin.lost_calibration(bench.bus, joints, file)
+        _settle_doubts([*origin.doubts(bench.bus, wanted, before, now), *[lost] * bool(lost)], yes=yes)
     plans = _plan(bench, wanted)
     stiff = any(bench.bus.read(joint.at, joint.model.table["torque_enable"]) for joint in plans)
     confirm_limp([joint.name for joint in plans], stiff=stiff, simulated=bench.simulated, yes=yes)
@@ -160,7 +176,7 @@ def _settle_doubts(found: Sequence[str], *, yes: bool) -> None:
     if not found:
         return
     if yes:
-        hint = "calibrate anew (mission servo home), or add --other-servos if it is right"
+        hint = "name their own calibration file (--into FILE), or add --other-servos if it is right"
         raise DeviceFault(f"are these the servos of the calibration? {'; '.join(found)}", hint=hint)
     click.echo("are these the servos of the calibration?\n" + "\n".join(f"  {each}" for each in found), err=True)
     click.confirm("restore it all the same?", abort=True, err=True)
@@ -183,8 +199,13 @@ def _steps(homed: Homed, margin: float) -> int:
     return round(radians(margin) / homed.joint.model.tick)
 
 
-def _turned(bench: Bench, joints: Sequence[Joint], seconds: float | None, *, yes: bool) -> list[Homed]:
+def _turned(
+    bench: Bench, joints: Sequence[Joint], endless: Collection[str], seconds: float | None, *, yes: bool
+) -> list[Homed]:
     """Make the joints limp, take their middle, and watch how far they are turned."""
+    for name in endless:
+        if bench.joint(name) not in joints:
+            raise click.UsageError(f"--no-stops: {name} is not among the joints that are calibrated")
     limp(bench, joints, yes=yes)
     names = ", ".join(joint.name for joint in joints)
     if seconds is None:
@@ -192,7 +213,7 @@ def _turned(bench: Bench, joints: Sequence[Joint], seconds: float | None, *, yes
         with patience(bench.clock, None) as over:
             while not over():
                 show(" ".join(f"{joint.name} {_shown(bench, joint)}" for joint in joints))
-    found = list(_middles(bench, joints))
+    found = list(_middles(bench, joints, endless))
     click.echo(f"limp: {names}\nturn each to both its ends by hand; Enter ends it, Ctrl-C writes nothing", err=True)
     with patience(bench.clock, seconds) as over:
         while not over():
@@ -202,10 +223,11 @@ def _turned(bench: Bench, joints: Sequence[Joint], seconds: float | None, *, yes
     return found
 
 
-def _middles(bench: Bench, joints: Iterable[Joint]) -> Iterator[Homed]:
+def _middles(bench: Bench, joints: Iterable[Joint], endless: Collection[str]) -> Iterator[Homed]:
     for joint in joints:
         before = bench.bus.read(joint.at, joint.model.table["position_offset"])
-        yield Homed(joint, before, offset_for(_shown(bench, joint), before))
+        offset = offset_for(_shown(bench, joint), before)
+        yield Homed(joint, before, offset, no_stops=joint.name in endless)
 
 
 def _shown(bench: Bench, joint: Joint) -> int:
@@ -222,7 +244,8 @@ def _table(found: Iterable[Homed], margin: float) -> str:
     for each in found:
         tick = each.joint.model.tick
         ends = [f"{degrees(steps * tick):+.1f}" for steps in (each.lowest, each.highest)]
-        rows.append([each.joint.name, str(each.before), str(each.offset), *ends, each.trouble(round(margin / tick))])
+        remark = "turns all the way round" if each.endless else each.trouble(round(margin / tick))
+        rows.append([each.joint.name, str(each.before), str(each.offset), *ends, remark])
     return in_columns(("joint", "offset", "new", "from deg", "to deg", ""), rows, left=frozenset({"joint", ""}))
 
 

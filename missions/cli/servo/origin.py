@@ -15,6 +15,7 @@ from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
 from drivers.errors import BadRequest, DeviceFault
 from drivers.feetech.calibration import LAST, MotorCalibration
+from drivers.feetech.lerobot import Calibrated, calibration_of
 
 CALIBRATED = ("position_offset", "min_position", "max_position")
 """The registers that a calibration changes."""
@@ -99,6 +100,21 @@ def _unreadable(file: Path, error: Exception) -> BadRequest:
     )
 
 
+def lost_calibration(bus: Bus, joints: Iterable[Joint], file: Path) -> str:
+    """Say which other calibration file of LeRobot's will fit no more once these servos are set; empty for none.
+
+    Raises NoReply, NotConnected, BadRequest.
+    """
+    held = {
+        joint.spec.id: Calibrated(*(bus.read(joint.at, joint.model.table[name]) for name in CALIBRATED))
+        for joint in joints
+    }
+    found = calibration_of(held)
+    if found is None or Path(found[0]).expanduser().resolve() == file.expanduser().resolve():
+        return ""
+    return f"they are calibrated by LeRobot: {found[0]} will not fit them any more"
+
+
 def require_same_models(before: Settings, now: Settings) -> None:
     """Raise DeviceFault where a servo is of another model, or has another firmware, than the calibration's."""
     wrong = [
@@ -110,7 +126,7 @@ def require_same_models(before: Settings, now: Settings) -> None:
     if wrong:
         raise DeviceFault(
             f"these are not the servos that the calibration came from: {'; '.join(wrong)}",
-            hint="calibrate anew: mission servo home --into FILE --robot FILE",
+            hint="name the calibration file of these servos: --into FILE",
         )
 
 
