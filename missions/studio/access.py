@@ -1,4 +1,4 @@
-"""Who may use the studio: two tokens, the cookies that are given for them, and how often a wrong one is tried."""
+"""Who may use the studio: two tokens, the sign-ins of browsers, and how often wrong tokens are tried."""
 
 import hashlib
 import hmac
@@ -11,17 +11,40 @@ from drivers.clock import Clock, SystemClock
 from missions.studio.commands import Role
 
 TRIES, WINDOW = 10, 60.0
-"""So many wrong tokens may come from an address within so many seconds; then none is looked at for as long."""
+"""Wrong tokens of one address within so many seconds, after which it is told to wait. A right one is always taken."""
 
-MOST_COOKIES, MOST_ADDRESSES = 1000, 1000
-"""Cookies that hold at once, and addresses that are kept in mind; the oldest go."""
+MOST_SIGN_INS, MOST_ADDRESSES = 500, 1000
+"""Sign-ins of each role that hold at once, and addresses that are kept in mind; the oldest go."""
+
+ONCE_TIME = 120.0
+"""Seconds for which the token that lets in once holds."""
+
+
+@dataclass(frozen=True, slots=True)
+class SignIn:
+    """A sign-in of a browser. ``secret`` is never sent: proofs are made of it.
+
+    A browser sends its cookie to every server on the same host name, whatever its port. So the cookie alone opens
+    nothing but the files of the page. All else takes a proof too, which only the origin of the page holds.
+    """
+
+    role: Role
+    secret: bytes = field(default_factory=lambda: secrets.token_bytes(32), repr=False)
+
+    def proof(self, path: str) -> str:
+        """Return the proof that opens ``path``, and nothing else."""
+        return hmac.digest(self.secret, path.encode("utf-8", "replace"), "sha256").hex()
+
+    def is_proved(self, path: str, proof: str) -> bool:
+        """Return whether this is the proof for ``path``."""
+        return hmac.compare_digest(self.proof(path).encode(), proof.encode("utf-8", "replace"))
 
 
 @dataclass(slots=True)
 class Access:
-    """Knows tokens and cookies by their digests, for as long as the process lives, or until they are made anew.
+    """Knows tokens and sign-ins for as long as the process lives, or until they are renewed.
 
-    ``keep`` writes new tokens where they outlive the studio; ``epoch`` counts how often they were made anew.
+    ``keep`` stores new tokens beyond the end of the studio; ``epoch`` counts how often they were renewed.
     """
 
     operator: str = field(default_factory=lambda: secrets.token_urlsafe(24))
@@ -30,16 +53,16 @@ class Access:
     keep: Callable[[str, str], None] | None = None
     epoch: int = 0
     _once: bytes = b""
-    _cookies: dict[bytes, Role] = field(default_factory=dict)
+    _once_until: float = 0.0
+    _sign_ins: dict[bytes, SignIn] = field(default_factory=dict)
     _wrong: dict[str, deque[float]] = field(default_factory=dict)
 
     def by_token(self, token: str, address: str) -> Role | None:
-        """Return whose token this is; None for nobody's, and while too many wrong ones come from ``address``."""
-        if self.shut(address):
-            return None
+        """Return the role of a token; None for a wrong one, which counts against ``address``."""
         if self._once and hmac.compare_digest(_digest(token), self._once):
             self._once = b""
-            return "operator"
+            if self.clock.now() < self._once_until:
+                return "operator"
         role: Role | None = None
         for known, whose in ((self.viewer, "viewer"), (self.operator, "operator")):
             if hmac.compare_digest(token.encode("utf-8", "replace"), known.encode()):  # each, whichever it is
@@ -49,38 +72,44 @@ class Access:
         return role
 
     def once(self) -> str:
-        """Return a token that lets an operator in once: for a command line, which every user of this computer sees."""
+        """Return a token that signs an operator in once, within ``ONCE_TIME``."""
         token = secrets.token_urlsafe(24)
-        self._once = _digest(token)
+        self._once, self._once_until = _digest(token), self.clock.now() + ONCE_TIME
         return token
 
+    @property
+    def is_once_open(self) -> bool:
+        """Whether the token that lets in once has not been used."""
+        return bool(self._once)
+
     def renew(self) -> None:
-        """Make both tokens anew; no former one, and no cookie, lets anybody in. Raises OSError where none is kept."""
+        """Replace both tokens and drop all sign-ins. Raises OSError if the new tokens cannot be stored."""
         self.operator, self.viewer = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
         self._once, self.epoch = b"", self.epoch + 1
-        self._cookies.clear()
+        self._sign_ins.clear()
         if self.keep is not None:
             self.keep(self.operator, self.viewer)
 
-    def shut(self, address: str) -> bool:
-        """Say whether too many wrong tokens came from an address lately."""
+    def has_many_wrong(self, address: str) -> bool:
+        """Return whether too many wrong tokens came from an address lately."""
         tries = self._wrong.get(address)
         now = self.clock.now()
         while tries and now - tries[0] > WINDOW:
             tries.popleft()
         return tries is not None and len(tries) >= TRIES
 
-    def cookie(self, role: Role) -> str:
-        """Return a new cookie for who has shown a token."""
-        value = secrets.token_urlsafe(24)
-        while len(self._cookies) >= MOST_COOKIES:
-            del self._cookies[next(iter(self._cookies))]
-        self._cookies[_digest(value)] = role
-        return value
+    def sign_in(self, role: Role) -> tuple[str, SignIn]:
+        """Return the cookie of a new sign-in, and the sign-in; the oldest ones of the same role go."""
+        value, found = secrets.token_urlsafe(24), SignIn(role)
+        same = [digest for digest, each in self._sign_ins.items() if each.role == role]
+        for digest in same[: max(0, len(same) + 1 - MOST_SIGN_INS)]:
+            del self._sign_ins[digest]
+        self._sign_ins[_digest(value)] = found
+        return value, found
 
-    def by_cookie(self, value: str) -> Role | None:
-        """Return whose cookie this is; found by its digest, so that no time tells how much of it is right."""
-        return self._cookies.get(_digest(value))
+    def by_cookie(self, value: str) -> SignIn | None:
+        """Return the sign-in of a cookie, found by its digest: the time taken tells nothing about its value."""
+        return self._sign_ins.get(_digest(value))
 
     def _note(self, address: str) -> None:
         while len(self._wrong) >= MOST_ADDRESSES and address not in self._wrong:

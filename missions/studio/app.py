@@ -14,7 +14,7 @@ from starlette.websockets import WebSocket
 
 from missions.studio.access import Access
 from missions.studio.form import BadMessage
-from missions.studio.gate import Gate
+from missions.studio.gate import KINDS, Gate
 from missions.studio.ring import records_in, shown_folder
 from missions.studio.session import Session
 from missions.studio.studio import PAGE, Studio, edition
@@ -24,9 +24,6 @@ MOST_CLIENTS = 96
 
 TRY_LATER = 1013
 """The code by which a websocket is closed for which there is no room."""
-
-KINDS = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".html": "text/html"}
-"""The types of what the page is made of; nothing else is served of its folder."""
 
 VERSION_MARK = 'name="version" content=""'
 """Where in the page its version is put in."""
@@ -38,7 +35,7 @@ cookie and its websocket are those of another site to it, whatever the record ha
 Opened = Callable[[], Studio]
 
 
-def application(make: Opened, access: Access, *, hosts: Collection[str], cookie: str) -> ASGIApp:
+def application(make: Opened, access: Access, *, hosts: Collection[str]) -> ASGIApp:
     """Return the studio as an ASGI application. ``make`` is called once its loop runs."""
 
     @asynccontextmanager
@@ -50,7 +47,7 @@ def application(make: Opened, access: Access, *, hosts: Collection[str], cookie:
         finally:
             studio.fleet.close()
 
-    return Gate(Starlette(routes=routes(), lifespan=lifespan), access, hosts, cookie)
+    return Gate(Starlette(routes=routes(), lifespan=lifespan), access, hosts)
 
 
 def routes() -> list[BaseRoute]:
@@ -70,8 +67,8 @@ async def websocket(socket: WebSocket) -> None:
     if studio.count >= MOST_CLIENTS:
         await socket.close(TRY_LATER)
         return
-    role = socket.scope["role"]
-    await Session(socket, role, studio.name(role), studio).run()
+    role, sign_in = socket.scope["role"], socket.scope.get("sign_in")
+    await Session(socket, role, studio.name(role), studio, sign_in=sign_in).run()
 
 
 async def page(request: Request) -> Response:

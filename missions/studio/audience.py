@@ -7,11 +7,12 @@ from contextlib import suppress
 
 from drivers.clock import Clock
 from missions.runner import Runner
-from missions.studio.commands import LARGEST, Watch
+from missions.studio.commands import Watch
 from missions.studio.doing import Doing
 from missions.studio.messages import Events, Picture, Scene, as_json, line_of
 from missions.studio.outlet import MOST_EVENTS, Outlet, merged, scene_of
 from missions.studio.pictures import Pictures
+from missions.studio.reading import MAX_REFUSED_BYTES
 
 MOST_ANSWERS = 256
 """Answers that wait for a client; one that asks on and reads nothing is hung up on."""
@@ -154,7 +155,7 @@ class Client(Waiting):
             line = bytes(self._heard[:end])
             del self._heard[: end + 1]
             yield line
-        if len(self._heard) > LARGEST:
+        if len(self._heard) > MAX_REFUSED_BYTES:
             yield bytes(self._heard)
             self.gone = True
 

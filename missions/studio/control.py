@@ -5,7 +5,6 @@ does it to them. A stop goes from here straight to the drivers.
 """
 
 import errno
-import json
 import os
 import selectors
 import socket
@@ -31,7 +30,7 @@ from missions.studio.holders import require_stop
 from missions.studio.messages import Answer, Over, Run
 from missions.studio.outlet import Outlet
 from missions.studio.pictures import Pictures
-from missions.studio.reading import COMMANDS, read_command
+from missions.studio.reading import COMMANDS, id_in, read_command
 from missions.studio.wheels import Wheels
 
 FAREWELL = 0.5
@@ -238,10 +237,8 @@ class ControlSocket:
             number = command.id
             result = self._do(client, command)
         except BadMessage as error:
-            if number is None:
-                number = _number(line)
             hint = error.hint or None
-            client.tell(Answer(id=number, ok=False, error=error.error, message=str(error), hint=hint))
+            client.tell(Answer(id=id_in(line), ok=False, error=error.error, message=str(error), hint=hint))
         except Exception as error:  # of a driver: the socket serves on
             client.tell(Answer(id=number, ok=False, error="fault", message=f"{type(error).__name__}: {error}"))
         else:
@@ -268,11 +265,3 @@ class ControlSocket:
     def _about(self) -> Run:
         latch = self._runner.latch
         return replace(self._of_run, stops=latch.number, stopped=latch.reason)
-
-
-def _number(line: bytes) -> int | None:
-    """Return the id of a command that is wrong otherwise."""
-    with suppress(ValueError, RecursionError, AttributeError):
-        found = json.loads(line).get("id")
-        return found if isinstance(found, int) and not isinstance(found, bool) else None
-    return None

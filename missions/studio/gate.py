@@ -1,22 +1,28 @@
 """The one door of the studio: nothing gets by that has not shown a token, whether over HTTP or a websocket.
 
 It stands before all routing and denies by default. It looks at the Host (a page from elsewhere whose name was pointed
-at this computer asks for that name), at the Origin (browsers let any page open a websocket to anywhere), and at a token
-or a cookie.
+at this computer asks for that name), at the Origin (browsers let any page open a websocket to anywhere), at
+Sec-Fetch-Site (they let any page ask for pictures), and at a token, or a cookie with a proof.
 """
 
 import ipaddress
 from collections.abc import Collection, Iterator, Mapping
-from urllib.parse import parse_qs, urlencode, urlsplit
+from urllib.parse import parse_qs, quote, urlencode, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from missions.studio.access import Access
+from missions.studio.access import Access, SignIn
 from missions.studio.commands import Role
 
-TOKEN = "token"  # noqa: S105 - the name of what carries it
+TOKEN, PROOF = "token", "proof"
+"""Members of a query. The proof is that of the path; that of the websocket for the page, whose script keeps it."""
+
+PAGE, SOCKET = "/", "/ws"
+
+KINDS = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".html": "text/html"}
+"""Types of the files of the page, and no others. A cookie opens them by itself: every installation has the same."""
 
 POLICY = (
     "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action 'none'; "
@@ -35,8 +41,7 @@ HEADERS: Mapping[str, str] = {
 }
 
 SIGN_IN = (
-    "This is a studio of MissionTree, and you are not signed in.\n"
-    "Open the link that `mission studio` has printed. If you came here by a link on another page, reload this one.\n"
+    "This is a studio of MissionTree, and you are not signed in.\nOpen the link that `mission studio` has printed.\n"
 )
 
 
@@ -47,8 +52,8 @@ class Gate:
     has a ``role`` in the scope.
     """
 
-    def __init__(self, app: ASGIApp, access: Access, hosts: Collection[str], cookie: str) -> None:
-        self._app, self._access, self._cookie = app, access, cookie
+    def __init__(self, app: ASGIApp, access: Access, hosts: Collection[str]) -> None:
+        self._app, self._access = app, access
         self._hosts = frozenset(host.lower() for host in hosts) | {"localhost"}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -72,6 +77,8 @@ class Gate:
             return PlainTextResponse("not the name of this studio: mission studio --name NAME\n", 403)
         if scope["type"] == "http" and scope["method"] not in ("GET", "HEAD"):
             return PlainTextResponse("only GET\n", 405)
+        if headers.get("sec-fetch-site", "none") not in ("none", "same-origin") and not _is_visit(scope, headers):
+            return PlainTextResponse("a page from elsewhere may not do this\n", 403)
         origins = headers.getlist("origin")
         if origins and not all(_same(origin, hosts[0]) for origin in origins):
             return PlainTextResponse("a page from elsewhere may not do this\n", 403)
@@ -80,49 +87,90 @@ class Gate:
         return None
 
     def _signed_in(self, scope: Scope) -> Response | None:
-        """Note in ``scope`` who asks; return what is answered to who has not shown a token, or shows one now."""
+        """Note in ``scope`` who asks; return the answer for who has not signed in, or signs in now."""
         headers = Headers(scope=scope)
-        address = scope["client"][0] if scope.get("client") else ""
-        query = parse_qs(scope["query_string"].decode("latin-1"))
+        query = parse_qs(scope["query_string"].decode("latin-1"), keep_blank_values=True)
         kind, _, bearer = headers.get("authorization", "").partition(" ")
         given = bearer.strip() if kind.lower() == "bearer" else query.get(TOKEN, [""])[0]
-        if given:
-            role = self._access.by_token(given, address)
-            if role is None:
-                shut = self._access.shut(address)
-                words = "too many wrong tokens: wait a minute\n" if shut else "a wrong token\n"
-                return PlainTextResponse(words, 429 if shut else 403, {"Retry-After": "60"} if shut else None)
-            if not bearer and scope["type"] == "http":
-                return self._entry(scope, query, role)
-        else:
-            shown = map(self._access.by_cookie, _cookies(headers.get("cookie", ""), self._cookie))
-            found = next((role for role in shown if role is not None), None)
-            if found is None:
-                return PlainTextResponse(SIGN_IN, 401)
-            role = found
+        if not given:
+            return self._by_cookie(scope, headers, query)
+        address = scope["client"][0] if scope.get("client") else ""
+        role = self._access.by_token(given, address)
+        if role is None:
+            if self._access.has_many_wrong(address):
+                return PlainTextResponse("too many wrong tokens: wait a minute\n", 429, {"Retry-After": "60"})
+            return PlainTextResponse("a wrong token\n", 403)
+        if not bearer and scope["type"] == "http":
+            return self._entry(scope, query, role)
         scope["role"] = role
         return None
 
+    def _by_cookie(self, scope: Scope, headers: Headers, query: dict[str, list[str]]) -> Response | None:
+        """Do the same for a request that shows no token."""
+        path, proof = scope["path"], query.get(PROOF, [""])[0]
+        cookies = _cookies(headers.get("cookie", ""), self._cookie_name(headers["host"]))
+        sign_ins = [found for value in cookies if (found := self._access.by_cookie(value)) is not None]
+        opened = SOCKET if path == PAGE else path
+        proved = next((each for each in sign_ins if each.is_proved(opened, proof)), None)
+        if not sign_ins:
+            return PlainTextResponse(SIGN_IN, 401)
+        if path == PAGE and PROOF in query and proved is None:
+            # The script of the page keeps the proof that it is opened with: a link elsewhere may not give it another.
+            return _redirected(scope, {name: each for name, each in query.items() if name != PROOF})
+        if proved is not None:
+            scope["role"], scope["sign_in"] = proved.role, proved
+        elif scope["type"] != "http" or not _is_page_file(path):
+            return PlainTextResponse(SIGN_IN, 401)
+        return None
+
     def _entry(self, scope: Scope, query: dict[str, list[str]], role: Role) -> Response:
-        """Return what turns a link with a token into a cookie: the token is not to stay in the history."""
-        rest = urlencode({name: values for name, values in query.items() if name != TOKEN}, doseq=True)
-        path = "/" + scope["path"].lstrip("/\\")  # //elsewhere would lead there
-        response = RedirectResponse(path + (f"?{rest}" if rest else ""), 303)
+        """Return the answer that turns a link with a token into a cookie and a proof: no token stays in the history."""
+        value, sign_in = self._access.sign_in(role)
+        proof = sign_in.proof(SOCKET if scope["path"] == PAGE else scope["path"])
+        rest = {name: values for name, values in query.items() if name != TOKEN}
+        response = _redirected(scope, rest | {PROOF: [proof]})
+        name = self._cookie_name(Headers(scope=scope)["host"])
         secure = scope["scheme"] in ("https", "wss")
-        response.set_cookie(
-            self._cookie, self._access.cookie(role), httponly=True, samesite="strict", path="/", secure=secure
-        )
+        # Not `strict`: the page that `--open` starts with, and a link in a mail, are other sites to a browser.
+        response.set_cookie(name, value, httponly=True, samesite="lax", path="/", secure=secure)
         return response
+
+    def _cookie_name(self, host: str) -> str:
+        """Return the name of the cookie: of one host name, each port has its own studio, also behind a tunnel."""
+        return f"missiontree_{urlsplit(f'//{host}').port or ''}"
 
     def _known(self, host: str) -> bool:
         """Say whether a Host header has a name of this studio in it."""
         if any(sign in host for sign in "@/?#"):
             return False
         try:
-            name = (urlsplit(f"//{host}").hostname or "").rstrip(".")
+            found = urlsplit(f"//{host}")
+            name, _ = (found.hostname or "").rstrip("."), found.port  # which raises ValueError for what is none
             return name in self._hosts or bool(ipaddress.ip_address(name))
         except ValueError:
             return False
+
+
+def link_to(path: str, sign_in: SignIn | None) -> str:
+    """Return the link by which a page opens ``path``, whatever characters are in it: a browser sends no token."""
+    proof = "" if sign_in is None else f"?{PROOF}={sign_in.proof(path)}"
+    return quote(path, safe="/") + proof
+
+
+def _is_page_file(path: str) -> bool:
+    return path == PAGE or (path.rfind("/") == 0 and path.endswith(tuple(KINDS)))
+
+
+def _is_visit(scope: Scope, headers: Headers) -> bool:
+    """Return whether a browser opens the page in a tab, and does not fetch or frame it for another one."""
+    asked = headers.get("sec-fetch-mode"), headers.get("sec-fetch-dest")
+    return scope["type"] == "http" and scope["path"] == PAGE and asked == ("navigate", "document")
+
+
+def _redirected(scope: Scope, query: dict[str, list[str]]) -> Response:
+    """Return a redirection to the same path with another query."""
+    path = "/" + quote(scope["path"].lstrip("/\\"))  # //elsewhere would lead there
+    return RedirectResponse(path + (f"?{urlencode(query, doseq=True)}" if query else ""), 303)
 
 
 def _same(origin: str, host: str) -> bool:

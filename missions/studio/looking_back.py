@@ -1,5 +1,6 @@
 """Records of runs, looked at piece by piece: none is read whole, but small ones to compare them or report of them."""
 
+import os
 import struct
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping
@@ -174,6 +175,9 @@ def path_of(name: str) -> Path:
 def entry(path: Path) -> Json:
     """Return what lists say of a record: `trouble` where it cannot be read."""
     told: Json = {"name": path.name, "bytes": path.stat().st_size}
+    if (name := os.fsencode(path.name).decode("utf-8", "replace")) != path.name:
+        trouble = "the name of this file is not text in UTF-8, so no link leads to it: rename the file"
+        return {**told, "name": name, "began": path.stat().st_mtime, "trouble": trouble}
     try:
         opened = Opened(path)
         return told | _about(opened.record) | {"seconds": opened.until} | _ended(opened.end())

@@ -1,7 +1,9 @@
 """Every command by its word, and how one is read."""
 
 import json
+import re
 from collections.abc import Mapping
+from itertools import islice
 from typing import Any
 
 from config.faults import did_you_mean
@@ -63,6 +65,42 @@ COMMANDS: Mapping[str, type[Command]] = {
     )
 }  # fmt: skip
 """Every command by its word."""
+
+MAX_REFUSED_BYTES = 2 * LARGEST
+"""Bytes of a message that is received at most: one longer than ``LARGEST`` is refused, by its id if it has one."""
+
+MAX_ID_TOKENS = 4096
+"""Brackets and texts of a message that is not JSON among which its id is looked for."""
+
+_MAX_ID = 2**53
+_TOKENS = re.compile(r'"(?:[^"\\]|\\.)*(?:"|$)|[\[{]+|[\]}]+', re.DOTALL)
+_ID_VALUE = re.compile(r"\s*:\s*(-?\d{1,16})\s*(?:[,}]|$)")
+
+
+def id_in(message: str | bytes) -> int | None:
+    """Return the id of a command that is refused, however malformed it is otherwise; None where it has none."""
+    text = message if isinstance(message, str) else message.decode("utf-8", "replace")
+    try:
+        data: Any = json.loads(text)
+    except (ValueError, RecursionError):
+        found = _id_in_malformed(text)
+    else:
+        found = data.get("id") if isinstance(data, dict) else None
+    return found if type(found) is int and abs(found) <= _MAX_ID else None
+
+
+def _id_in_malformed(text: str) -> int | None:
+    """Return the id among the members of the outermost object of a text that is not JSON."""
+    depth, found = 0, None
+    for token in islice(_TOKENS.finditer(text), MAX_ID_TOKENS):
+        first = token[0][0]
+        if first in "[{":
+            depth += len(token[0])
+        elif first in "]}":
+            depth -= len(token[0])
+        elif depth == 1 and token[0] == '"id"' and (value := _ID_VALUE.match(text, token.end())):
+            found = int(value[1])
+    return found
 
 
 def read_command(line: str | bytes, *, words: Mapping[str, type[Command]] = COMMANDS) -> Command:

@@ -17,9 +17,9 @@ from missions.library.folders import state_folder
 from missions.studio.access import Access
 from missions.studio.app import application
 from missions.studio.audit import Audit
-from missions.studio.commands import LARGEST
 from missions.studio.launch import Launcher
 from missions.studio.reader import Reader
+from missions.studio.reading import MAX_REFUSED_BYTES
 from missions.studio.studio import Studio
 
 MOST_CONNECTIONS = 200
@@ -130,7 +130,7 @@ def listening(place: Place) -> socket.socket:
 
 def config_of(place: Place, make: Any) -> uvicorn.Config:
     """Return how uvicorn is to serve. Raises ssl.SSLError or OSError for a certificate that is none."""
-    app = application(make, place.access, hosts=place.names, cookie=f"missiontree_{place.port}")
+    app = application(make, place.access, hosts=place.names)
     secure: dict[str, Any] = {}
     if place.certificate is not None:
         secure = {"ssl_certfile": place.certificate, "ssl_keyfile": place.key or place.certificate}
@@ -141,7 +141,7 @@ def config_of(place: Place, make: Any) -> uvicorn.Config:
         app,
         http=Guarded,
         ws="websockets-sansio",
-        ws_max_size=LARGEST,
+        ws_max_size=MAX_REFUSED_BYTES,
         ws_max_queue=16,
         ws_ping_interval=PING,
         ws_ping_timeout=PING,

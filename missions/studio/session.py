@@ -8,14 +8,16 @@ from typing import Any
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from drivers.clock import Clock, SystemClock
+from missions.studio.access import SignIn
 from missions.studio.commands import KEY, Command, OfRun, Role, Seen, Stop, Watch
 from missions.studio.form import BadMessage, written
+from missions.studio.gate import link_to
 from missions.studio.link import Link
 from missions.studio.messages import Answer, Runs, line_of
-from missions.studio.reading import read_command
+from missions.studio.reading import id_in, read_command
 from missions.studio.studio import Studio
 from missions.studio.watching import Hearer
-from missions.studio.wishes import Hello
+from missions.studio.wishes import Hello, Record
 
 RATE = 100.0
 """Commands a second, at most; some more may come at once. A `stop` is always heard."""
@@ -39,8 +41,17 @@ REFUSED = 1008
 class Session:
     """Serves one websocket until it is closed. What its client drove stands then: its connections to runs end."""
 
-    def __init__(self, socket: WebSocket, role: Role, name: str, studio: Studio, *, clock: Clock | None = None) -> None:
-        self.role, self.name = role, name
+    def __init__(
+        self,
+        socket: WebSocket,
+        role: Role,
+        name: str,
+        studio: Studio,
+        *,
+        sign_in: SignIn | None = None,
+        clock: Clock | None = None,
+    ) -> None:
+        self.role, self.name, self._sign_in = role, name, sign_in
         self._socket, self._studio = socket, studio
         self._clock = clock or SystemClock()
         self._allowance, self._counted = RATE, self._clock.now()
@@ -61,7 +72,7 @@ class Session:
         await self._socket.accept()
         try:
             async with asyncio.timeout(HELLO_TIME):
-                greeted = await self._hello(await self._socket.receive_text())
+                greeted = await self._hello(await self._receive())
             if not greeted or self._epoch != self._studio.access.epoch:
                 await self._socket.close(REFUSED)
                 return
@@ -70,12 +81,12 @@ class Session:
             with self._studio.joined(self):
                 self.tell(Runs(runs=self._studio.hub.runs()))
                 while True:
-                    await self._hear(await self._socket.receive_text())
+                    await self._hear(await self._receive())
         except asyncio.CancelledError:
             if not self._out:
                 raise
-        except (WebSocketDisconnect, TimeoutError, KeyError, RuntimeError):
-            pass  # it has gone, or says nothing, or sends what is no text
+        except (WebSocketDisconnect, TimeoutError, RuntimeError):
+            pass  # it has gone, or says nothing
         finally:
             # First what moves: the ends of these connections stop the base.
             await asyncio.gather(*(link.close() for link in self._links.values()), return_exceptions=True)
@@ -114,6 +125,14 @@ class Session:
             with suppress(WebSocketDisconnect, RuntimeError):
                 await self._socket.send_text(text)
 
+    async def _receive(self) -> str:
+        """Return the next message; one of bytes as the text that it holds."""
+        message = await self._socket.receive()
+        if message["type"] != "websocket.receive":
+            raise WebSocketDisconnect(message.get("code", 1005))
+        text, data = message.get("text"), message.get("bytes")
+        return text if isinstance(text, str) else bytes(data or b"").decode("utf-8", "replace")
+
     async def _hello(self, line: str) -> bool:
         """Answer the first command; say whether it was a good one."""
         try:
@@ -123,17 +142,15 @@ class Session:
             if command.version not in self._studio.versions:
                 raise BadMessage("old_page", "this page is of another version of the studio", "reload it")
         except BadMessage as error:
-            await self.say(_refused(None, error))
+            await self.say(_refused(id_in(line), error))
             return False
         await self.say(self._studio.welcome(self.role, self.name))
         return True
 
     async def _hear(self, line: str) -> None:
         """Do what a line asks for, or have it done: a stop that comes next is not to wait for it."""
-        number = None
         try:
             command = read_command(line)
-            number = command.id
             if isinstance(command, Stop):
                 self._stops.add(stop := self._begin(self._answered(command, self._stop(command))))
                 stop.add_done_callback(self._stops.discard)
@@ -154,9 +171,9 @@ class Session:
             else:
                 self._begin(self._answered(command, self._do(command)))
         except asyncio.QueueFull:
-            await self.say(_refused(number, BadMessage("too_many", "more commands than can be done")))
+            await self.say(_refused(id_in(line), BadMessage("too_many", "more commands than can be done")))
         except BadMessage as error:
-            await self.say(_refused(number, error))
+            await self.say(_refused(id_in(line), error))
 
     def _has_allowance(self) -> bool:
         now = self._clock.now()
@@ -191,6 +208,10 @@ class Session:
                     raise
             case Seen():
                 self._seen(command)
+            case Record() if self.role == "operator":
+                paths = {"report": f"/reports/{command.name}", "download": f"/records/{command.name}"}
+                links = {name: link_to(path, self._sign_in) for name, path in paths.items()}
+                return {**await self._studio.do(command, self), "links": links}
             case _:
                 return await self._studio.do(command, self)
         return None

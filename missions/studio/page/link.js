@@ -17,7 +17,36 @@ export class StudioError extends Error {
   }
 }
 
-export const address = () => new URL(`ws${location.protocol === "https:" ? "s" : ""}://${location.host}/ws`);
+let proof = ""; // of this origin: its cookie goes to servers on other ports, too
+
+/** Keep the proof that an address brings; return the address without it. */
+export function keep_proof(address) {
+  const url = new URL(address);
+  proof = url.searchParams.get("proof") ?? proof;
+  try {
+    if (url.searchParams.has("proof")) localStorage.setItem("proof", proof);
+  } catch {
+    // kept until it is reloaded
+  }
+  url.searchParams.delete("proof");
+  return url;
+}
+
+/** Return the proof, also where a tab beside has signed in anew. */
+function kept_proof() {
+  try {
+    proof = localStorage.getItem("proof") ?? proof;
+  } finally {
+    return encodeURIComponent(proof);
+  }
+}
+
+history.replaceState(null, "", keep_proof(location.href));
+
+/** Return the address of the websocket. */
+export function address() {
+  return new URL(`ws${location.protocol === "https:" ? "s" : ""}://${location.host}/ws?proof=${kept_proof()}`);
+}
 
 export class Link {
   /** `how` is connecting, open, lost, refused or old. */
@@ -112,9 +141,9 @@ export class Link {
     this.heard = performance.now();
     const message = JSON.parse(text);
     if (message.say === "answer") {
-      if (this.#pings.some(({ id }) => id === message.id)) this.#pong(message.id); // refused, as after too many commands
+      if (message.error === "old_page") this.#become("old");
+      else if (this.#pings.some(({ id }) => id === message.id)) this.#pong(message.id); // refused, as after too many commands
       else if (message.id !== undefined && message.id !== null) this.#settle(message.id, message);
-      else if (message.error === "old_page") this.#become("old");
       else this.#tell("trouble", new StudioError(message));
       return;
     }
@@ -148,8 +177,8 @@ export class Link {
 
   /** A websocket does not say why it was refused: a plain request does. */
   async #ask_why() {
-    const found = await fetch("index.html", { cache: "no-store" }).catch(() => null);
-    if (this.how === "lost" && found && (found.status === 401 || found.status === 403)) {
+    const found = await fetch(`/?proof=${kept_proof()}`, { cache: "no-store", redirect: "manual" }).catch(() => null);
+    if (this.how === "lost" && found && (found.status === 401 || found.status === 403 || found.type === "opaqueredirect")) {
       clearTimeout(this.#timer);
       this.#become("refused");
     }

@@ -1,6 +1,7 @@
 // New links: who came by the former ones is shut out.
 
 import { button, el, panel, put, tell } from "./dom.js";
+import { keep_proof } from "./link.js";
 
 const ARMED = 4000; // milliseconds for the second press
 
@@ -18,7 +19,7 @@ export function links(link, stop) {
     put(press, "New links");
     try {
       const { operator, viewer } = await link.ask({ do: "revoke" });
-      await fetch(`/?token=${operator}`, { cache: "no-store" }); // which gives this page its new cookie
+      keep_proof((await fetch(`/?token=${operator}`, { cache: "no-store" })).url); // and this page has its new cookie
       stop.retry(); // its connection was shut out, and may have been refused since
       const row = (title, token) => el("p", null, `${title}: `, el("code", null, `${location.origin}/?token=${token}`));
       found.replaceChildren(row("For operators", operator), row("To look and stop only", viewer));

@@ -41,7 +41,16 @@ function show() {
     view.replaceChildren(next.node);
     scrollTo(0, 0);
   }
-  if (link.welcome) next.show(...rest.map(decodeURIComponent));
+  if (link.welcome) next.show(...rest.map(named));
+}
+
+/** Return the name in a part of the address; what somebody has typed may have a "%" of its own. */
+function named(part) {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return part;
+  }
 }
 
 function runs() {

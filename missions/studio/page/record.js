@@ -130,15 +130,15 @@ export class Record {
     this.#stretch((this.#end = record.until));
     const skip = (back) => button(back ? "‹ Failure" : "Failure ›", () => this.#skip(back), { "aria-label": back ? "Previous failure" : "Next failure" });
     const facts = [plain(record.robot), reality(record.simulated), plain(record.world ?? ""), day(record.began)];
-    const name = this.#link.welcome?.role === "operator" && encodeURIComponent(this.#name);
+    const links = record.links; // an operator's
     this.node.replaceChildren(
       el("h2", null, plain(record.mission)),
       el("p", { class: "facts" }, facts.filter(Boolean).join(" · "), " · ", this.#told),
       el("p", { class: `result ${record.result}` }, ending(record.result, record.reason)),
       el("div", { class: "timeline" }, this.#marks, this.#slider,
         el("div", { class: "controls" }, this.#play, skip(true), skip(false), this.#clock,
-          name && el("a", { class: "button", href: `reports/${name}`, target: "_blank", rel: "noopener" }, "Report"),
-          name && el("a", { class: "button", href: `records/${name}`, download: true }, "Download"))),
+          links && el("a", { class: "button", href: links.report, target: "_blank", rel: "noopener" }, "Report"),
+          links && el("a", { class: "button", href: links.download, download: true }, "Download"))),
       el("div", { class: "columns" },
         el("div", null, panel("Tree", "tree", this.#tree)),
         el("div", null, panel("Camera", "camera", this.#canvas, this.#seen), panel("Plan", "plan", this.#plan)),

@@ -48,10 +48,19 @@ class Served:
         finally:
             connection.close()
 
-    def cookie(self, token: str) -> str:
-        status, headers, _ = self.get(f"/?token={token}")
+    def sign_in(self, token: str, path: str = "/") -> tuple[str, str]:
+        """Return the cookie that a browser has by the link of a token, and where it is led to."""
+        status, headers, _ = self.get(f"{path}?token={token}")
         assert status == 303
-        return headers["set-cookie"].partition(";")[0]
+        return headers["set-cookie"].partition(";")[0], headers["location"]
+
+    def cookie(self, token: str) -> str:
+        return self.sign_in(token)[0]
+
+    def page_socket(self, token: str) -> tuple[str, str]:
+        """Return the cookie and the address by which the page opens its websocket."""
+        cookie, where = self.sign_in(token)
+        return cookie, f"ws://{self.host}/ws?{where.partition('?')[2]}"
 
     @contextmanager
     def client(self, token: str, *, hello: bool = True, port: int = 0) -> Iterator["Client"]:

@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import os
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from missions.records.recording.sink import Sink
 from missions.records.recording.writer import RecordWriter
 from missions.studio import looking_back, moments
 from missions.studio.ring import records_folder
-from missions.studio.wishes import Moment
+from missions.studio.wishes import Moment, Records
 from missions.studio.wishes import Record as Asked
 from missions.views.pictures.tree_json import to_json
 from tests.missions.records.report.told_record import DRAWING, FILES, WHERE, write
@@ -53,6 +54,13 @@ def long(path: Path, chunks: int) -> Path:
 
 def piece_of(name: str, start: float = -1e9) -> dict[str, Any]:
     return looking_back.record(Asked(name=name, start=start))
+
+
+def test_a_name_that_is_no_text_is_listed_with_what_to_do(folder: Path) -> None:
+    write(folder / os.fsdecode(b"\xff<b>.mcap"), [])
+    listed = json.dumps(looking_back.listed(Records())["records"], ensure_ascii=False)
+    assert '"name": "\ufffd<b>.mcap"' in listed
+    assert "rename the file" in listed
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 from missions.studio.commands import LARGEST, Drive
 from missions.studio.form import BadMessage, members, written
 from missions.studio.messages import ERRORS, MESSAGES, Answer, Over, line_of, protocol
-from missions.studio.reading import COMMANDS, read_command
+from missions.studio.reading import COMMANDS, id_in, read_command
 from missions.studio.wishes import Start
 from tests.cases import each
 
@@ -81,6 +81,40 @@ def test_however_deep_a_command_is_it_is_refused_by_name(line: str) -> None:
     for depth in range(850, 1050):
         with pytest.raises(BadMessage):
             read_command(line % ('{"a": ' * depth + "1" + "}" * depth))
+
+
+@each(
+    ("message", "number"),
+    [
+        ('{"do": "stpo", "id": 7}', 7),
+        ('{"id": -7, "do": 5}', -7),
+        ('{"do": "drive", "n": NaN, "id": 7}', 7),
+        ('{"do": "stop", "id": 7', 7),
+        ('{"do": "stop", "id": 7,}', 7),
+        ('{"do": "stop", "id": 7, "run": "1', 7),
+        ("{'do': 'stop', \"id\": 7}", 7),
+        ('{"do": "stop" "id": 7}', 7),
+        ('{"run": ' + "[" * 30_000 + "]" * 30_000 + ', "id": 7}', 7),
+        ('{"id": 7, "run": ' + '{"a": ' * 2000, 7),
+        (b'{"id": 7, "run": "\xff"', 7),
+        ('{"run": "\\"id\\": 8", "id": 7,,}', 7),
+        ('{"params": {"id": 8}, "id": 7,,}', 7),
+        ('{"params": {"id": 8},,}', None),
+        ('[{"id": 7}]', None),
+        ('{"id": "7"}', None),
+        ('{"id": 7.5,,}', None),
+        ('{"id": true}', None),
+        ('{"id": null}', None),
+        (f'{{"id": 1{"0" * 400}}}', None),
+        (f'{{"id": {2**53 + 1}}}', None),
+        ("", None),
+        ("7", None),
+        ("null", None),
+        ('"id": 7', None),
+    ],
+)
+def test_the_id_of_a_malformed_command_is_found(message: str | bytes, number: int | None) -> None:
+    assert id_in(message) == number
 
 
 def test_a_near_miss_is_asked_about() -> None:
