@@ -12,6 +12,7 @@ from missions.executive.parent import FAILURE, RUNNING, Composite, adopt
 from missions.language.expressions import ExpressionError
 from missions.language.nodes import REACTIVE_SWITCH, SWITCH
 from missions.language.plan import Step
+from missions.language.switches import case_key
 from missions.language.values import Value, shown
 
 
@@ -65,12 +66,9 @@ class Switch(Composite, composites.Selector):
         return child
 
     def _choose(self, found: object) -> Node | None:
-        for case, child in zip(self.cases, self.members, strict=False):
-            # true is not 1, though Python says so; "3" in a case stands for the number and the text.
-            same_kind = isinstance(case, bool) == isinstance(found, bool)
-            if same_kind and (case == found or shown(case) == shown(found)):
-                return child
-        return self.members[-1] if len(self.members) > len(self.cases) else None
+        key = case_key(found)
+        fitting = (child for case, child in zip(self.cases, self.members, strict=False) if case_key(case) == key)
+        return next(fitting, self.members[-1] if len(self.members) > len(self.cases) else None)
 
 
 class ReactiveSwitch(Switch):

@@ -3,7 +3,8 @@
 The cases must be what the expression can make.
 """
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 
 from config.faults import Diagnostic, one_of
@@ -27,6 +28,34 @@ def misfit_cases(step: Step, kind: Kind) -> Iterator[Diagnostic]:
         if not _can_be(case, kind):
             word = str(case).lower() if isinstance(case, bool) else shown(case)
             yield Diagnostic(step.source, mark, f"'on' is {told(kind)}, and never {seen(word)}", _cure(word, kind))
+
+
+def case_key(value: object) -> tuple[str, str]:
+    """Return the kind of a value and its text: two cases with one key are one case, and a value takes that of its key.
+
+    A number is itself however it is written (``1``, ``1.0``, ``01``), also as a text; true is neither 1 nor ``yes``.
+    """
+    if isinstance(value, str) and _NUMBER.fullmatch(value):
+        value = float(value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return type(value).__name__, shown(value)
+    dimension = getattr(value, "dimension", "share")  # a plain number is a share, as 20 % is 0.2
+    return dimension, f"{float(value) + 0.0:.12g}"  # -0 is 0
+
+
+_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+
+
+def _repeated(step: Step, written: Sequence[Scalar]) -> Iterator[Diagnostic]:
+    """Yield the mistakes of cases that stand there before, written otherwise; the same text has been noted."""
+    first: dict[tuple[str, str], Scalar] = {}
+    for case, key in zip(step.cases, written, strict=True):
+        before = first.setdefault(case_key(case), key)
+        if before.text != key.text:
+            message = (
+                f"the case {seen(key.text)} is the case {seen(before.text)} again (first at line {before.mark.line})"
+            )
+            yield Diagnostic(step.source, key.mark, message)
 
 
 def _can_be(case: object, kind: Kind) -> bool:
@@ -89,6 +118,7 @@ def read_switch(
         case_marks=tuple(case.mark for case, _ in cases.entries),
         written={"on": on.text},
     )
-    for fault in misfit_cases(step, kind_made(chosen, notes.known_kinds)):
+    repeated = _repeated(step, [case for case, _ in cases.entries])
+    for fault in (*misfit_cases(step, kind_made(chosen, notes.known_kinds)), *repeated):
         notes.fault(fault.mark, fault.message, fault.suggestion)
     return step
