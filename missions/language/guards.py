@@ -1,17 +1,27 @@
-"""Actions that stand where a reactive composite asks a question at every tick: they halt what stands behind them."""
+"""Guards that do otherwise than they look: hints of `mission check`.
+
+An action that stands where a reactive composite asks a question at every tick halts what stands behind it. A ``once``
+around a guard remembers that it let nothing start.
+"""
 
 from collections.abc import Sequence
 
 from config.faults import Diagnostic
-from missions.language.nodes import COMPOSITES, MODIFIERS, SUCCESS, SWITCHES
+from missions.language.nodes import COMPOSITES, FAILURE, MISSION, MODIFIERS, SUCCESS, SWITCHES
 from missions.language.outcomes import ends, innermost
 from missions.language.plan import Step
+from missions.language.values import Value
 
-ENDS_AT_ONCE = frozenset({"succeed", "fail", "pretend", "led", "sound", "publish", "face", "show"})
+ENDS_AT_ONCE = frozenset(
+    {"succeed", "fail", "pretend", "led", "sound", "publish", "face", "show", "log", "set", "notify"}
+)
 """Leaves that are no conditions, and need no time either."""
 
 ASKS_FIRST = frozenset({"if", "while", "until", "cooldown", "once", "on_running"})
 """Modifiers with which a node runs only for a reason of its own, or not for longer than a tick."""
+
+GUARDS = frozenset({"if", "while", "until"})
+"""Modifiers that may end a node before it starts, for what they ask."""
 
 RUNS_ITSELF = frozenset({"hold", "delay", "retry", "repeat"})
 """Modifiers that run by themselves, whatever they stand beside."""
@@ -61,3 +71,61 @@ def _first_that_decides(children: Sequence[Step]) -> Step | None:
         if cause is not None or ends(child) != {SUCCESS}:
             return cause
     return None
+
+
+def guards_kept(tree: Step) -> list[Diagnostic]:
+    """Return a hint for each ``once`` that also remembers the answer of a guard, which kept its node from starting."""
+    found = []
+    for step in tree.walk():
+        guard = _first_guard(step.children[0]) if step.kind == "once" else None
+        if guard is not None:
+            said = f"'once' remembers it, too, where '{guard.kind}' (line {guard.mark.line}) lets nothing start"
+            found.append(Diagnostic(step.source, step.mark, f"{said}: it is not asked again", _instead(step, guard)))
+    return found
+
+
+def _instead(once: Step, guard: Step) -> str:
+    """Say how only what was done is done once."""
+    child = once.children[0]
+    while child is not guard and child.kind in MODIFIERS:
+        child = child.children[0]
+    if child is not guard:
+        return f"put 'once' beside what follows '{guard.kind}', not around both"
+    if guard.kind in MODIFIERS:
+        return f"write 'once' above '{guard.kind}'"
+    if guard.kind in SWITCHES:
+        return "put 'once' beside the behaviour of each case"
+    return f"begin a sequence with '{guard.kind}', and put 'once' beside what follows it"
+
+
+def _first_guard(step: Step) -> Step | None:
+    """Return what is asked before anything is done in ``step``, and may end it then; None where nothing does."""
+    if step.leaf is not None:
+        asks = step.leaf.instant and FAILURE in ends(step) and step.kind not in ENDS_AT_ONCE
+        return step if asks else None
+    if step.kind in GUARDS:
+        return step if step.arguments["value"].template is not None else _first_guard(step.children[0])
+    if step.kind in SWITCHES:
+        return None if len(step.children) > len(step.cases) else step
+    if step.kind in MODIFIERS or step.kind == MISSION:
+        return None if _endless(step) else _first_guard(step.children[0])
+    kind = COMPOSITES.get(step.kind)
+    if kind is None:
+        return None
+    guards = [_first_guard(child) for child in step.children]
+    if kind.passes == FAILURE:
+        return guards[0] if all(guards) else None
+    if kind.at_once:
+        return next(filter(None, guards), None)
+    for child, guard in zip(step.children, guards, strict=True):
+        if guard is not None or not _ends_at_once(child):
+            return guard
+    return None
+
+
+def _endless(step: Step) -> bool:
+    return step.kind in MODIFIERS and MODIFIERS[step.kind].value == "count" and step.arguments["value"] == Value(None)
+
+
+def _ends_at_once(step: Step) -> bool:
+    return step.leaf is not None and (step.leaf.instant or step.kind in ENDS_AT_ONCE)
