@@ -58,7 +58,9 @@ def read_counts(notes: Notes, beside: Mapping, children: int) -> dict[str, Value
             notes.fault(
                 next(word.mark for word, _ in beside.entries if word.text == FAILURE_COUNT),
                 f"'{FAILURE_COUNT}' cannot matter: after {first}, {decided.successes} of {children} cannot succeed",
-                f"write '{SUCCESS_COUNT}' too: how many must succeed",
+                f"write '{SUCCESS_COUNT}' too: how many must succeed"
+                if decided.successes == children
+                else f"write '{FAILURE_COUNT}: {ALL}': it fails once {decided.successes} cannot succeed any more",
             )
     return found
 

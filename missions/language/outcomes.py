@@ -49,8 +49,8 @@ def _counted(notes: Notes, step: Step) -> None:
         notes.fault_at(
             step, f"'{SUCCESS_COUNT}: {decided.successes}' is never reached: only {succeed} {of} can succeed"
         )
-    if isinstance(settings.get(FAILURE_COUNT), int) and fail < decided.failures:
-        notes.fault_at(step, f"'{FAILURE_COUNT}: {decided.failures}' cannot matter: only {fail} {of} can fail")
+    if isinstance(settings.get(FAILURE_COUNT), int) and not fail:
+        notes.fault_at(step, f"'{FAILURE_COUNT}: {decided.failures}' cannot matter: none {of} can fail")
     endless = next((child for child, each in zip(step.children, below, strict=True) if not each), None)
     if decided.waits and endless is not None:
         what = f"'{endless.name}' (line {innermost(endless).mark.line}) never does"
