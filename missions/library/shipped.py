@@ -6,7 +6,7 @@ from pathlib import Path
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
-from config.library import find
+from config.library import SUFFIXES, find, is_file, kinds_of
 from missions.language.claims import Target
 from missions.language.document import load_plan
 from missions.language.plan import Plan
@@ -31,11 +31,14 @@ def mission_files(files: Iterable[Path]) -> list[Path]:
 
 
 def find_mission(name: str, beside: Path = Path()) -> Path:
-    """Return the file that ``name`` means: a name in the library, or a path relative to the folder ``beside``.
+    """Return the file that ``name`` means: one in the folder ``beside``, else a name in the library.
 
-    A mission in a folder may be named without it, where that is unique. Raises config.library.UnknownNameError with
-    what may be meant.
+    The name of a file needs no suffix. A mission in a folder of the library may be named without the folder, where that
+    is unique. Raises config.library.UnknownNameError with what may be meant.
     """
+    for path in (beside / name, *(beside / f"{name}{suffix}" for suffix in SUFFIXES)):
+        if path.suffix in SUFFIXES and is_file(path) and "missions" in (kinds_of(path) or ["missions"]):
+            return path
     library = shipped_missions()
     short = [path for full, path in library.items() if full.rpartition("/")[2] == name]
     if len(short) == 1:

@@ -22,7 +22,7 @@ from missions.library.drivers import load_robot
 from missions.library.folders import checkup_file
 from missions.library.forms import load_with_own, params_of
 from missions.library.people import People, folder
-from missions.library.shipped import TESTS, shipped_missions
+from missions.library.shipped import TESTS, find_mission, shipped_missions
 from missions.library.worlds import build_world
 from missions.studio.commands import Command
 from missions.studio.form import BadMessage
@@ -61,7 +61,9 @@ def names_of(kind: str) -> Mapping[str, Path]:
 
 
 def _shipped(kind: str) -> Mapping[str, Path]:
-    return shipped_missions() if kind == "missions" else shipped(kind)
+    if kind != "missions":
+        return shipped(kind)
+    return {name: path for name, path in shipped_missions().items() if find_mission(name) == path}  # none beside
 
 
 def _own(kind: str, known: Mapping[str, Path], faults: list[str]) -> Mapping[str, Path]:

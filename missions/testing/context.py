@@ -90,7 +90,7 @@ class Context:
         """
         files, mission = [*behaviours, *(folder / file for file in told.behaviours if file)], ""
         try:
-            mission = str(_mission(told.tests, folder)) if told.tests else ""
+            mission = str(find_mission(told.tests, folder)) if told.tests else ""
         except UnknownNameError as error:
             fields.fault((fields.node_of("tests") or fields.node).mark, str(error))
         files = behaviour_files(mission, files) if mission else files
@@ -167,9 +167,3 @@ class Context:
                     fields.fault(fields.node.mark, fault.message, "give it under 'params:'")
             # Where only the params are wrong, the rest of the case can still be read.
             return None if own else load_mission(self.mission, leaves=self.leaves)
-
-
-def _mission(name: str, folder: Path) -> Path:
-    """Return the mission's file: one beside the test file goes before one in the library. Raises UnknownNameError."""
-    beside = folder / f"{name}.yaml"
-    return beside if beside.is_file() else find_mission(name, folder)

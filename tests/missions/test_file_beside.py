@@ -1,0 +1,73 @@
+"""One rule for the names of missions: the file beside goes before the library, whoever names it."""
+
+from pathlib import Path
+
+import pytest
+
+import missions
+from missions.library.shipped import find_mission, shipped_missions
+from missions.studio.library import names_of
+from missions.testing.files import named_tests
+from missions.testing.suite import load_suite
+from tests.missions.command import command
+
+OWN = "mission: wander\ntree: {log: mine}\n"
+TESTS = "tests: wander\ncases:\n  - case: it is mine\n    expect: {result: success, within: 1 s}\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a mission that has the name of one that ships, which is the working directory."""
+    (tmp_path / "wander.yaml").write_text(OWN, encoding="utf-8")
+    (tmp_path / "wander.test.yaml").write_text(TESTS, encoding="utf-8")
+    (tmp_path / "other.yaml").write_text("mission: other\ntree: {mission: wander}\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", ["wander", "wander.yaml", "other", "other.yaml"])
+def test_mission_run_check_and_show_take_the_file_beside(
+    folder: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert folder.is_dir()
+    done = command(capsys, "run", name, "--simulate", "fast")
+    assert (done.code, "mine" in done.out) == (0, True), done
+    assert "1 node" in command(capsys, "check", "wander").out
+    assert "mine" in command(capsys, "show", name).out
+
+
+def test_tests_and_python_take_it_too(folder: Path) -> None:
+    (path,) = named_tests("wander")
+    (case,) = load_suite(path)
+    assert (path, case.mission) == (Path("wander.test.yaml"), "wander.yaml")
+    assert missions.load("wander").root.kind == "log"
+    assert folder == Path.cwd()
+
+
+def test_the_studio_lists_no_name_that_means_another_file(folder: Path) -> None:
+    names = names_of("missions")
+    assert "wander" not in names
+    assert names["wander.yaml"].resolve() == folder / "wander.yaml"
+    assert names["greet"] == shipped_missions()["greet"]
+
+
+@pytest.mark.parametrize("suffix", [".yaml", ".yml"])
+def test_what_stands_beside_goes_before_the_library(tmp_path: Path, suffix: str) -> None:
+    own = tmp_path / f"greet{suffix}"
+    own.write_text("mission: greet\ntree: stop\n", encoding="utf-8")
+    assert find_mission("greet", tmp_path) == own
+    assert find_mission("greet", tmp_path / "elsewhere") == shipped_missions()["greet"]
+
+
+@pytest.mark.parametrize("text", ["world: greet\n", "tests: greet\ncases: []\n", "gesture: greet\n"])
+def test_a_file_of_another_kind_hides_no_mission(tmp_path: Path, text: str) -> None:
+    (tmp_path / "greet.yaml").write_text(text, encoding="utf-8")
+    (tmp_path / "motions").mkdir()
+    assert find_mission("greet", tmp_path) == shipped_missions()["greet"]
+
+
+def test_a_folder_or_a_program_of_that_name_hides_no_mission(tmp_path: Path) -> None:
+    (tmp_path / "greet").write_bytes(b"\x7fELF")
+    (tmp_path / "wander.yaml").mkdir()
+    assert find_mission("greet", tmp_path) == shipped_missions()["greet"]
+    assert find_mission("wander", tmp_path) == shipped_missions()["wander"]
