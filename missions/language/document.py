@@ -114,10 +114,6 @@ def _never(notes: Notes, step: Step, name: str, text: str, phrases: Collection[s
     notes.fault_at(step, f"'{step.kind}': '{name}' is never {seen(text)}", hint)
 
 
-MAX_DEPTH = 100
-"""Steps from the root of a tree to its deepest leaf."""
-
-
 def load_plan(
     path: Path,
     leaves: Mapping[str, type[Leaf]],
@@ -185,7 +181,7 @@ def _check(
 
     body = read_body(notes, root, take, read_step)
     tree = None if body is None else body.tree
-    if body is not None and tree is not None and _is_flat(notes, tree):
+    if body is not None and tree is not None:
         check_claims(notes, tree)
         if robot is not None:
             check_needs(notes, tree, robot)
@@ -202,13 +198,3 @@ def _check(
         raise InvalidFileError(notes.faults)
     params = dict(notes.params)
     return Plan(body.mission, body.summary, params, tree, source, body.returns, body.properties, body.if_interrupted)
-
-
-def _is_flat(notes: Notes, tree: Step) -> bool:
-    """Note a tree so deep that ticking it, which goes down step by step, would overflow the stack."""
-    depth, row = 0, [tree]
-    while row:
-        depth, row = depth + 1, [child for step in row for child in step.children]
-    if depth > MAX_DEPTH:
-        notes.fault(tree.mark, f"{depth} steps deep, modifiers counted; at most {MAX_DEPTH} are possible")
-    return depth <= MAX_DEPTH

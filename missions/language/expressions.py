@@ -33,6 +33,11 @@ from missions.language.spelling import WORDS, Literals, as_python, characters, c
 MAX_LENGTH = 1000
 """Characters of an expression."""
 
+MAX_NESTING = 100
+"""Parts of an expression within one another: each is read, checked and evaluated within the one around it."""
+
+TOO_DEEP = f"an expression nested too deep: at most {MAX_NESTING} parts within one another"
+
 
 class ExpressionError(ValueError):
     """An expression that cannot be read or evaluated.
@@ -117,12 +122,16 @@ def parse(text: str, column: int = 0) -> Expression:
     try:
         with warnings.catch_warnings(action="ignore"):  # such as "1or 2": read as Python reads it
             tree = ast.parse(python, mode="eval").body
-    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+    except (RecursionError, MemoryError):
+        raise ExpressionError(TOO_DEEP, column) from None
+    except (SyntaxError, ValueError) as error:
         hint, place = cure(stripped), 0
         if isinstance(error, SyntaxError):  # whose offset counts from 1, and is 0 for the end
             place = min((error.offset or len(stripped)) - 1, len(stripped) - 1)
             hint = hint or ("; something is missing at its end" if error.offset == 0 else "")
         raise ExpressionError(f"{seen(stripped)} is not an expression{hint}", column + max(0, place)) from None
+    if _is_too_deep(tree):
+        raise ExpressionError(TOO_DEEP, column)
     try:
         tree = Literals(python, literals).visit(tree)
         _check(tree)
@@ -130,8 +139,14 @@ def parse(text: str, column: int = 0) -> Expression:
     except _NotAllowedError as error:
         start, end = characters(python, error.node)
         raise ExpressionError(str(error), column + start, end - start) from None
-    except RecursionError:
-        raise ExpressionError("an expression nested too deep", column) from None
+
+
+def _is_too_deep(tree: ast.AST) -> bool:
+    depth, row = 0, [tree]
+    while row and depth <= MAX_NESTING:
+        below = (part for node in row for part in ast.iter_child_nodes(node))
+        depth, row = depth + 1, [part for part in below if isinstance(part, ast.expr)]
+    return depth > MAX_NESTING
 
 
 def calculates(formula: Expression) -> bool:

@@ -27,6 +27,12 @@ Lookup = Callable[[str], object]
 MAX_STEPS = 10_000
 """Steps of a mission, those of its sub-missions counted each time that they are used."""
 
+MAX_DEPTH = 100
+"""Steps from the root of a tree to its deepest leaf, modifiers and sub-missions counted.
+
+Reading and ticking go down step by step: a deeper tree would overflow the stack.
+"""
+
 
 def no_missions(name: str, beside: Path) -> Path:
     """Find no mission: the finder of a text that stands alone."""
@@ -71,6 +77,7 @@ class Notes:
     ``torn`` is whether a line of the file could not be read; ``loose`` whether a mission in it could not, which may
     return anything.
     ``chain`` are the files that lead to this one, itself last; ``steps`` how many steps were read, all files together.
+    ``depth`` is how many steps stand above the one that is read now, in all files of the chain.
     """
 
     source: Source
@@ -85,6 +92,7 @@ class Notes:
     faults: list[Diagnostic] = field(default_factory=list)
     torn: bool = False
     loose: bool = False
+    depth: int = 0
 
     @property
     def leaves(self) -> Mapping[str, type[Leaf]]:

@@ -16,10 +16,10 @@ from missions.language.counts import COUNTS, read_counts
 from missions.language.for_each import read_for_each
 from missions.language.modifiers import read_modifier
 from missions.language.nodes import BRANCHES, COMPOSITES, FOR_EACH, MISSION, MODIFIERS, SWITCHES
-from missions.language.notes import MAX_STEPS, Notes
+from missions.language.notes import MAX_DEPTH, MAX_STEPS, Notes
 from missions.language.plan import UNKNOWN, Hole, Step
 from missions.language.stored import setters
-from missions.language.submissions import read_submission
+from missions.language.submissions import leads_to, read_submission
 from missions.language.switches import read_switch
 from missions.language.synonyms import WORDS, word_meant
 from missions.language.values import UNREAD, Value
@@ -37,15 +37,31 @@ MISSING = "a behaviour is missing here"
 
 def read_step(notes: Notes, node: Node) -> Step:
     """Read one node of the tree; a hole where it is too wrong to go on."""
-    if isinstance(node, Scalar):
+    above = notes.depth
+    notes.depth += 1 + sum(key.text in MODIFIERS for key, _ in (node.entries if isinstance(node, Mapping) else ()))
+    try:
+        if notes.depth > MAX_DEPTH:
+            return _too_deep(notes, node)
+        if isinstance(node, Mapping):
+            return _with_modifiers(notes, node)
+        if isinstance(node, Listing):
+            notes.fault(node.mark, "a list needs a composite before it", "write 'sequence:' or 'parallel:' above it")
+            return _hole(notes, node)
         if node.value is None:
             notes.fault(node.mark, MISSING)
             return _hole(notes, node)
         return _behaviour(notes, node, None, None) or _hole(notes, node)
-    if isinstance(node, Listing):
-        notes.fault(node.mark, "a list needs a composite before it", "write 'sequence:' or 'parallel:' above it")
-        return _hole(notes, node)
-    return _with_modifiers(notes, node)
+    finally:
+        notes.depth = above
+
+
+def _too_deep(notes: Notes, node: Node) -> Step:
+    """Note it once: each of a thousand leaves may be too deep."""
+    message = f"nested too deep: at most {MAX_DEPTH} steps, modifiers and sub-missions counted"
+    if all(fault.message != message for fault in notes.faults):
+        notes.fault(node.mark, message, sure=True)
+    notes.loose = True
+    return Step(UNKNOWN, _text(node) or "...", node.mark, notes.source, leaf=Hole)
 
 
 def _hole(notes: Notes, node: Node) -> Step:
@@ -54,7 +70,7 @@ def _hole(notes: Notes, node: Node) -> Step:
     words = (
         [_text(node)] if not isinstance(node, Mapping) else [*node.keys(), *(_text(each) for _, each in node.entries)]
     )
-    if MISSION in words or any(_is_mission(notes, word) for word in words):
+    if MISSION in words or any(_mission_of(notes, word) for word in words):
         notes.loose = True  # it may return anything
         names |= notes.stored
     return Step(UNKNOWN, _text(node) or "...", node.mark, notes.source, leaf=Hole, binds=tuple(sorted(names)))
@@ -199,20 +215,20 @@ def _as_mission(notes: Notes, word: str, *, alone: bool) -> str:
     A word for a behaviour of ours means that, unless the mission is the user's own: its file stands beside this one.
     """
     params = "" if alone else ", and its params under 'with:' beside it"
-    name = _is_mission(notes, word)
-    if not name or (name == word and ours_for(word, WORDS, notes.leaves)):
+    path = _mission_of(notes, word)
+    if path is None or (path.parent != Path(notes.source.name).parent and ours_for(word, WORDS, notes.leaves)):
         return ""
-    return f"it is a mission: write 'mission: {name}'{params}"
+    if leads_to(notes, path, notes.chain):
+        return ""  # it would include itself
+    return f"it is a mission: write 'mission: {word}'{params}"
 
 
-def _is_mission(notes: Notes, word: str) -> str:
-    """Return the name, or the file, of the mission that a word names; nothing where there is none."""
-    folder = Path(notes.source.name).parent
-    for name in (f"{word}.yaml", word) if word.isidentifier() else ():  # the own one first
-        with suppress(LookupError):
-            if "missions" in kinds_of(notes.words.find_mission(name, folder)):
-                return name
-    return ""
+def _mission_of(notes: Notes, word: str) -> Path | None:
+    """Return the file of the mission that a word names; None where there is none."""
+    with suppress(LookupError):
+        path = notes.words.find_mission(word, Path(notes.source.name).parent) if word.isidentifier() else None
+        return path if path is not None and "missions" in kinds_of(path) else None
+    return None
 
 
 def _read_below(notes: Notes, node: Node) -> None:

@@ -1,6 +1,8 @@
 """A mission inside a mission: found, read with the params that it is given, and its results handed back."""
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Collection
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -39,7 +41,13 @@ def read_submission(
             return None
     source, root = notes.words.files[path]
     inner = Notes(
-        source, notes.words, (*notes.chain, path.resolve()), steps=notes.steps, faults=notes.faults, torn=notes.torn
+        source,
+        notes.words,
+        (*notes.chain, path.resolve()),
+        steps=notes.steps,
+        faults=notes.faults,
+        torn=notes.torn,
+        depth=notes.depth,
     )
     given: dict[str, Value] = {}
 
@@ -79,9 +87,41 @@ def _find(notes: Notes, value: Scalar) -> Path | None:
         return None
     if path.resolve() in notes.chain:
         way = [step.name for step in notes.chain[notes.chain.index(path.resolve()) :]]
-        notes.fault(value.mark, f"a mission cannot include itself: {' -> '.join([*way, path.name])}")
+        notes.fault(
+            value.mark,
+            f"a mission cannot include itself: {' -> '.join([*way, path.name])}",
+            _hidden(notes, value, path),
+        )
         return None
     return path
+
+
+def _hidden(notes: Notes, value: Scalar, path: Path) -> str:
+    """Say how to run a mission of the library whose name the file at ``path`` has; nothing where there is none."""
+    with suppress(LookupError):
+        notes.words.find_mission(value.text, path)  # nothing is beside in a file, which is no folder
+        return f"the library has another '{value.text}': rename {path.name} to run that"
+    return ""
+
+
+def leads_to(notes: Notes, path: Path, files: Collection[Path]) -> bool:
+    """Say whether the mission in a file is one of ``files``, or runs one of them, itself or by another."""
+    found, new = set[Path](), [path]
+    while new:
+        path = new.pop().resolve()
+        if path in files:
+            return True
+        if path not in found:
+            found.add(path)
+            with suppress(InvalidFileError):
+                for name in _RUNS.findall(read_source(path).text):
+                    with suppress(LookupError):
+                        new.append(notes.words.find_mission(name, path.parent))
+    return False
+
+
+_RUNS = re.compile(r"""(?<=[ {\[,])mission:\s*['"]?([\w./-]+)""")
+"""The missions that a mission runs."""
 
 
 def _no_param(notes: Notes, inner: Notes, params: dict[str, Param], mission: str, name: Scalar) -> None:

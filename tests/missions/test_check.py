@@ -15,9 +15,10 @@ from config.faults import MAX_FAULTS, InvalidFileError, Source
 from drivers.clock import ManualClock
 from missions.executive.build import NODES as NODE_CLASSES
 from missions.executive.state import state_of
-from missions.language.document import MAX_DEPTH, check_plan, load_plan
+from missions.language.document import check_plan, load_plan
 from missions.language.kinds import STATE
 from missions.language.nodes import COMPOSITES, MODIFIERS, NODES
+from missions.language.notes import MAX_DEPTH
 from missions.language.plan import Plan, Step
 from missions.language.steps import LISTED
 from missions.language.values import Value
@@ -594,11 +595,24 @@ def test_a_file_with_very_many_mistakes_is_not_read_to_its_end() -> None:
     assert len(mistakes(steps(*["- nonsense"] * 10_000))) == MAX_FAULTS
 
 
+TOO_DEEP = f"nested too deep: at most {MAX_DEPTH} steps, modifiers and sub-missions counted"
+
+
 def test_a_tree_that_is_too_deep_to_be_ticked_is_refused() -> None:
     beside = "timeout: 1 s, retry: 1, repeat: 1, invert: true, hold: 1 s"
     deep = "{sequence: [" * 20 + "{say: Hi}" + f"], {beside}}}" * 20
     ((line, _, message, _),) = mistakes(steps(f"- {deep}"))
-    assert (line, message) == (4, f"122 steps deep, modifiers counted; at most {MAX_DEPTH} are possible")
+    assert (line, message) == (5, TOO_DEEP)
+
+
+@pytest.mark.parametrize("within", [1, 20])
+def test_a_chain_of_missions_that_is_too_deep_is_refused(tmp_path: Path, within: int) -> None:
+    for place in range(500 // within):
+        tree = "{sequence: [" * within + f"{{mission: m{place + 1}.yaml}}" + "]}" * within
+        (tmp_path / f"m{place}.yaml").write_text(f"mission: m\ntree: {tree}\n", encoding="utf-8")
+    with pytest.raises(InvalidFileError) as caught:
+        load_plan(tmp_path / "m0.yaml", LEAVES, {}, find_mission=lambda name, folder: folder / name)
+    assert TOO_DEEP in [fault.message for fault in caught.value.faults]
 
 
 def test_a_mission_is_read_from_its_file(tmp_path: Path) -> None:

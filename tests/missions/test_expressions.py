@@ -8,9 +8,19 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from config.units import Quantity
-from missions.language.expressions import MAX_LENGTH, ExpressionError, parse
+from missions.language.expressions import MAX_LENGTH, MAX_NESTING, TOO_DEEP, ExpressionError, parse
 from missions.language.operators import MAX_TEXT
 from missions.language.spelling import RESERVED
+
+DEEP = (
+    "-" * (MAX_LENGTH - 1) + "1",
+    "not " * 240 + "true",
+    "+".join(["count"] * (MAX_NESTING + 1)),
+    "abs(" * 120 + "count" + ")" * 120,
+    "x" + "[0]" * 120,
+    "thing" + ".seen" * 120,
+    "[" * 120 + "]" * 120,
+)
 
 
 @dataclass
@@ -196,7 +206,7 @@ def test_methods_and_missing_members_are_not_there(text: str) -> None:
         ("sum(names)", "'sum' cannot be called; the functions are min, max, abs, round, len"),
         ("thing._x", "'_x' is private"),
         ("x" * (MAX_LENGTH + 1), f"an expression of more than {MAX_LENGTH} characters"),
-        ("-" * (MAX_LENGTH - 1) + "1", "an expression nested too deep"),
+        *((text, TOO_DEEP) for text in DEEP),
     ],
 )
 def test_what_cannot_be_read_says_why(text: str, message: str) -> None:

@@ -158,6 +158,24 @@ def test_a_mission_that_includes_itself_is_a_mistake_however_long_the_way(folder
     ]
 
 
+@pytest.mark.parametrize("word", ["main", "a"])
+def test_a_word_that_would_lead_a_mission_to_itself_is_no_hint(folder: Path, word: str) -> None:
+    (folder / "a.yaml").write_text("mission: a\ntree:\n  sequence:\n    - mission: b\n")
+    (folder / "b.yaml").write_text("mission: b\ntree: {mission: main}\n")
+    with pytest.raises(InvalidFileError) as caught:
+        load(folder, f"  {word}\n")
+    assert "mission:" not in caught.value.faults[0].suggestion
+
+
+def test_a_mission_that_hides_one_of_the_library_is_told_how_to_run_that(folder: Path) -> None:
+    (folder / "greet.yaml").write_text("mission: greet\ntree: {mission: greet}\n")
+    with pytest.raises(InvalidFileError) as caught:
+        load(folder, "  mission: greet\n")
+    (fault,) = caught.value.faults
+    assert fault.message == "a mission cannot include itself: greet.yaml -> greet.yaml"
+    assert fault.suggestion == "the library has another 'greet': rename greet.yaml to run that"
+
+
 def test_missions_that_multiply_are_refused_before_they_fill_the_memory(folder: Path) -> None:
     (folder / "m0.yaml").write_text("mission: m0\ntree: succeed\n")
     for level in range(1, 12):
