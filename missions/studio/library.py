@@ -27,10 +27,11 @@ from missions.library.worlds import build_world
 from missions.studio.commands import Command
 from missions.studio.form import BadMessage
 from missions.studio.wishes import Library, Mission, World
-from missions.views.pictures.draw import drawing_of
+from missions.views.pictures.draw import drawing_of, first_values
 from missions.views.pictures.drawing import Box
 from missions.views.pictures.plan import METRE, frame_of, plan
 from missions.views.pictures.tree_json import to_json
+from missions.views.words import in_words
 
 Json = dict[str, object]
 
@@ -125,6 +126,7 @@ def mission(command: Command) -> Json:
         "parts": sorted(found.tree.parts),
         "params": params_of(name),
         "drawing": to_json(drawing_of(found)),
+        "first": {key: in_words(value) for key, value in first_values(found).items()},
     }
 
 

@@ -120,6 +120,9 @@ class Scene:
     simulated: Annotated[Literal["", "wire", "fast"], "Empty for a robot that moves."]
     world: Annotated[str, "What a simulated robot stands in."]
     drawing: Annotated[Mapping[str, object], "The tree, as `docs/tree.schema.json` describes it."]
+    first: Annotated[
+        Mapping[str, str], "What variables hold at the start, those of sub-missions too; by the names of `variables`."
+    ]
     parts: Annotated[Sequence[str], "The parts of the robot that the mission has to do with."]
     limits: Annotated[Mapping[str, float] | None, "Of the base: `speed` (m/s), `turn` (rad/s)."] = None
     state: Annotated[Mapping[str, object], "The same as of a `state`: here, all of it."]

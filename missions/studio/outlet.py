@@ -238,7 +238,7 @@ def merged(old: Mapping[str, object], new: Mapping[str, object]) -> Json:
 
 def scene_of(runner: Runner) -> Json:
     """Return what does not change of a run while it goes on."""
-    from missions.views.pictures.draw import drawing_of  # noqa: PLC0415 - a run that nobody watches draws nothing
+    from missions.views.pictures.draw import drawing_of, first_values  # noqa: PLC0415 - a run that nobody watches draws nothing
     from missions.views.pictures.tree_json import to_json  # noqa: PLC0415
 
     plan, assembled = runner.plan, runner.assembled
@@ -248,8 +248,9 @@ def scene_of(runner: Runner) -> Json:
         "mission": plan.mission,
         "robot": assembled.name,
         "file": plan.source.name,
-        "params": {name: str(value) for name, value in plan.params.items()},
+        "params": {name: in_words(value) for name, value in plan.params.items()},
         "drawing": to_json(drawing_of(plan)),
+        "first": {name: in_words(value) for name, value in first_values(plan).items()},
         "parts": sorted(assembled.devices),
         "limits": limits if limits is None or all(map(isfinite, limits.values())) else None,
     }

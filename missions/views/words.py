@@ -5,6 +5,8 @@ from dataclasses import fields, is_dataclass
 from math import degrees, isfinite
 from typing import NamedTuple
 
+from config.units import written
+from missions.language.kinds import dimensions_of
 from missions.language.values import shown
 from missions.views.pictures.draw import one_line
 from missions.views.pictures.drawing import Drawing
@@ -79,11 +81,21 @@ def in_words(value: object) -> str:
 
 def _plain(value: object) -> str:
     """Return a value as people write it; an object by its fields that are numbers and texts: "Touch: side left"."""
-    if not is_dataclass(value):
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name}: {in_words(each)}" for name, each in value.items()) or "nothing"
+    if isinstance(value, type) or not is_dataclass(value):
         return shown(value)
+    sizes = dimensions_of(value.__class__)
     held = {each.name: getattr(value, each.name) for each in fields(value)}
-    told = (f"{name} {shown(each)}" for name, each in held.items() if isinstance(each, bool | int | float | str))
-    return f"{type(value).__name__}: {', '.join(told)}"
+    told = {name: each for name, each in held.items() if isinstance(each, bool | int | float | str)}
+    members = (f"{name} {_with_unit(each, sizes.get(name, ''))}" for name, each in told.items())
+    return f"{type(value).__name__}: {', '.join(members)}"
+
+
+def _with_unit(value: object, dimension: str) -> str:
+    if dimension and isinstance(value, int | float) and isfinite(value):
+        return written(value, dimension)
+    return shown(value)
 
 
 def _aside(angle: float) -> str:

@@ -73,7 +73,7 @@ export class Fleet {
     try {
       const mission = await this.#link.ask({ do: "mission", name: robot.mission });
       const tree = el("studio-tree", { class: "preview" });
-      tree.draw(mission.drawing);
+      tree.draw(mission.drawing, mission.first);
       this.#plan.replaceChildren(el("h3", null, `${plain(robot.mission)} on ${robot.name}`), tree);
     } catch (error) {
       tell(error);

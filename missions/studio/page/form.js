@@ -71,6 +71,11 @@ export class Params {
     this.node = el("div", { class: "fields" }, rows.length ? rows : el("p", { class: "hint" }, "This mission has no params."));
   }
 
+  /** Every param that has a value, as texts. */
+  get texts() {
+    return Object.fromEntries([...this.#controls].map(([param, { text }]) => [param.name, text()]).filter(([, text]) => text));
+  }
+
   /** Take over what somebody has entered in a former form: those of its texts that differ from its defaults. */
   keep(former) {
     const { values } = former.changed;

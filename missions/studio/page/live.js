@@ -23,7 +23,7 @@ export class Live {
   #late = 0; // seconds of the last tick that was
   #camera = el("studio-camera");
   #plan = el("studio-plan");
-  #variables = new Variables();
+  #variables = new Variables(this.#tree);
   #parts = new Parts();
   #joints = new Joints();
   #spoken = new Lines("What is said and heard", ["said", "heard"]);
@@ -90,7 +90,7 @@ export class Live {
     put(this.#title, plain(scene.mission));
     const params = Object.entries(scene.params).map(([name, value]) => `${plain(name)}: ${value}`);
     put(this.#facts, [plain(scene.robot), reality(scene.simulated), plain(scene.world), ...params].filter(Boolean).join(" · "));
-    this.#tree.draw(scene.drawing);
+    this.#tree.draw(scene.drawing, scene.first);
     this.#plan.under(this.#link, scene.world);
     this.#plan.way(scene.way);
     for (const each of [this.#variables, this.#spoken, this.#log]) each.clear();
@@ -105,6 +105,7 @@ export class Live {
     this.#plan.show(state);
     this.#spoken.add(state.log);
     this.#log.add(state.log, state.lost);
+    if (state.variables) this.#tree.values(state.variables, state.anew);
     if (state.variables) this.#news.set("variables", { ...this.#news.get("variables"), ...state.variables });
     for (const name of ["parts", "joints"]) if (state[name]) this.#news.set(name, state[name]);
     this.#parted();

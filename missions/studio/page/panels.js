@@ -1,16 +1,22 @@
 // What a run has beside its tree: variables with their history, parts, joints, what is said and heard, the log.
 
 import { el, put, svg } from "./dom.js";
-import { figure, line, plain, seconds, silent } from "./words.js";
+import { line, plain, seconds, silent, sized } from "./words.js";
 
 const HISTORY = 60; // values of a variable that are kept
 const LINES = 500;
-const NUMBER = /^-?\d+(\.\d+)?/;
+const NUMBER = /^-?\d+(\.\d+)?(e[+-]?\d+)?/i;
 
 /** The variables, each with what it was before: a curve for figures, else the last values. */
 export class Variables {
   node = el("table", { class: "variables" });
   #rows = new Map();
+  #tree;
+
+  /** Those of the mission that a `tree` shows. */
+  constructor(tree) {
+    this.#tree = tree;
+  }
 
   clear() {
     this.#rows.clear();
@@ -36,7 +42,7 @@ export class Variables {
   #add(name) {
     const row = { past: [], value: el("td", { class: "value" }), was: el("span", { class: "was" }), curve: svg("polyline", { points: "" }) };
     row.drawing = svg("svg", { class: "curve", viewBox: "0 0 80 20", "aria-hidden": "true" }, row.curve);
-    row.node = el("tr", null, el("th", { scope: "row" }, name), row.value, el("td", { class: "before" }, row.drawing, row.was));
+    row.node = el("tr", null, el("th", { scope: "row" }, this.#tree.called(name)), row.value, el("td", { class: "before" }, row.drawing, row.was));
     this.#rows.set(name, row);
     this.node.append(row.node);
     return row;
@@ -71,7 +77,7 @@ export class Parts {
       const row = this.#rows.get(part.part) ?? this.#add(part.part);
       row.node.className = `part ${part.level}`;
       put(row.level, part.level);
-      const values = Object.entries(part.values ?? {}).map(([name, value]) => `${plain(name)} ${figure(value)}`);
+      const values = Object.entries(part.values ?? {}).filter(([name]) => name !== "battery").map(([name, value]) => sized(name, value));
       put(row.values, values.join(" · "));
       put(row.detail, [part.detail, part.hint && `Try: ${part.hint}`].filter(Boolean).join(" "));
       if (part.part === "base" && part.values?.battery !== undefined) this.#charge(row, part.values.battery);

@@ -45,7 +45,7 @@ export class Record {
   #canvas = el("canvas", { width: 640, height: 480, role: "img", "aria-label": "Camera" });
   #seen = el("p", { class: "caption" });
   #plan = el("studio-plan");
-  #variables = new Variables();
+  #variables = new Variables(this.#tree);
   #parts = new Parts();
   #joints = new Joints();
   #log = new Lines("Log");
@@ -128,7 +128,7 @@ export class Record {
     }
     this.#record = record;
     this.#stretch((this.#end = record.until));
-    const skip = (back) => button(back ? "‹ Failure" : "Failure ›", () => this.#skip(back), { "aria-label": back ? "Previous failure" : "Next failure" });
+    const skip = (back) => button(back ? "‹ Failed step" : "Failed step ›", () => this.#skip(back), { "aria-label": back ? "Previous failed step" : "Next failed step" });
     const facts = [plain(record.robot), reality(record.simulated), plain(record.world ?? ""), day(record.began)];
     const links = record.links; // an operator's
     this.node.replaceChildren(
@@ -174,8 +174,9 @@ export class Record {
   /** Show what a piece brings. */
   #add(piece) {
     for (const t of piece.failures) this.#mark(t, "failed");
-    const { failures, more } = this.#record;
-    put(this.#told, `${failures.length || "no"} ${failures.length === 1 ? "failure" : "failures"}${more === undefined ? "" : ` up to ${seconds(more)}: it is being read…`}`);
+    const { failures, more, result } = this.#record;
+    const failed = `${failures.length || "no"} ${failures.length === 1 ? "step" : "steps"} failed`;
+    put(this.#told, `${failed}${result === "success" && failures.length ? ", and the mission went on" : ""}${more === undefined ? "" : ` up to ${seconds(more)}: it is being read…`}`);
     this.#log.add(piece.log);
   }
 
@@ -187,7 +188,7 @@ export class Record {
   #skip(back) {
     const { failures } = this.#record;
     const next = back ? failures.filter((t) => t < this.#t - STEP / 2).at(-1) : failures.find((t) => t > this.#t + STEP / 2);
-    if (next === undefined) tell(back ? "No failure before this moment." : "No failure after this moment.", "good");
+    if (next === undefined) tell(`No step failed ${back ? "before" : "after"} this moment.`, "good");
     else this.go(next);
   }
 
@@ -228,6 +229,7 @@ export class Record {
 
   async #show(moment) {
     if (this.#record.more !== undefined) this.#stand(moment.t, moment.changed);
+    this.#tree.values(moment.variables, true);
     this.#variables.show(moment.variables, moment.t);
     const way = this.#record.trail.filter(([t]) => t <= moment.t).map(([, x, y]) => [x, y]);
     if (!moment.parts.length) this.#parts.clear();

@@ -162,16 +162,20 @@ export class Run {
     }
     if (this.#chosen !== name) return; // another one was chosen meanwhile
     this.#mission = mission;
-    this.#params = new Params(mission.params, this.#library.people);
-    if (former) this.#params.keep(former);
+    const params = (this.#params = new Params(mission.params, this.#library.people));
+    if (former) params.keep(former);
     const tree = el("studio-tree", { class: "preview" });
-    tree.draw(mission.drawing);
+    tree.draw(mission.drawing, mission.first);
+    const entered = () => tree.values(params.texts, true);
+    params.node.addEventListener("input", entered);
+    params.node.addEventListener("click", entered); // switches are buttons
+    entered();
     const { at, every, priority, retry } = this.#when;
     this.#form.replaceChildren(
       el("p", { class: "back" }, el("a", { href: "#run" }, "‹ all missions")),
       el("h1", null, plain(mission.title)),
       el("p", { class: "summary" }, mission.summary),
-      panel("Params", "params", this.#params.node),
+      panel("Params", "params", params.node),
       panel("On what", "target", this.#target.node),
       el("div", { class: "actions" }, this.#go),
       panel("Later, or again and again", "later",

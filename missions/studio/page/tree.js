@@ -1,6 +1,7 @@
 // The tree as nested blocks: what each node does, since when and why. Only what has changed is touched.
 
 import { SHARE, before_picture, button, el, put, soon } from "./dom.js";
+import { filled, whole } from "./values.js";
 import { SIGNS, isActive, seconds } from "./words.js";
 
 const LONGEST = 40; // milliseconds of a picture of the screen, above which the next one has fewer new rows
@@ -17,8 +18,12 @@ class Block {
   constructor(node, parent, list) {
     this.parent = parent;
     this.children = [];
-    this.title = node.title;
-    this.name = [node.case && `${node.case}:`, node.title].filter(Boolean).join(" ");
+    this.key = node.key;
+    this.arguments = node.arguments;
+    this.scope = parent && (parent.mission ? parent : parent.scope); // the sub-mission that it is in, if any
+    this.mission = node.mission;
+    this.name = this.written = [node.case && `${node.case}:`, node.title].filter(Boolean).join(" ");
+    this.texts = []; // those with values in them: the element, and the text as it is written
     const told = Object.entries(node.arguments).filter(([, value]) => value !== node.said).map(([name, value]) => `${name}: ${value}`);
     if (node.as) told.push(`as: ${node.as}`);
     this.sign = el("span", { class: "sign", "aria-hidden": "true" }, SIGNS.idle);
@@ -26,7 +31,7 @@ class Block {
     this.time = el("span", { class: "time" });
     this.badges = new Map();
     const badges = node.modifiers.map((each) => {
-      const badge = el("span", { class: "badge" }, `${each.kind} ${each.text}`.trim());
+      const badge = this.text("badge", `${each.kind} ${each.text}`.trim());
       this.badges.set(each.key, badge);
       return badge;
     });
@@ -36,15 +41,34 @@ class Block {
       this.fold, this.sign,
       el("span", { class: "symbol", "aria-hidden": "true" }, node.symbol),
       node.case && el("span", { class: "case" }, node.case),
-      el("span", { class: "title" }, node.title),
+      this.text("title", node.title),
       badges,
-      told.length > 0 && el("span", { class: "told" }, told.join(", ")),
+      told.length > 0 && this.text("told", told.join(", ")),
       this.time, this.why);
     this.item = el("li", { role: "treeitem", class: "node idle", tabindex: "-1", ...(many && { "aria-expanded": "true" }) }, this.row);
     this.item.block = this;
     this.inner = many && el("ul", { role: "group" });
     if (many) this.item.append(this.inner);
     list.append(this.item);
+    this.label();
+  }
+
+  /** Return an element with a text, in which values may be. */
+  text(kind, text) {
+    const node = el("span", { class: kind }, text);
+    if (text.includes("${")) this.texts.push([node, text]);
+    return node;
+  }
+
+  /** Show values in place of what stands for them, which is told where the mouse rests on them. */
+  fill(value) {
+    for (const [node, text] of this.texts) {
+      const pieces = filled(text, value);
+      if (node.textContent === pieces.map((piece) => (Array.isArray(piece) ? piece[0] : piece)).join("")) continue;
+      node.replaceChildren(...pieces.map((piece) => (Array.isArray(piece) ? el("span", { class: "filled", title: piece[1] }, piece[0]) : piece)));
+    }
+    if (!this.texts.length) return;
+    this.name = whole(this.written, value) ?? this.written;
     this.label();
   }
 
@@ -95,16 +119,25 @@ export class Tree extends HTMLElement {
   #drawn = "";
   #adding = []; // nodes whose blocks are not there yet
   #more = () => this.#add();
+  #missions = new Map(); // what sub-missions are called, by the keys of their nodes
+  #first = {}; // values of variables before the run has told of them
+  #values = {};
+  #stale = false; // whether blocks show former values
   follow = false;
 
-  /** Draw a tree, unless it is the one that is drawn; all nodes are idle then. */
-  draw(drawing) {
+  /** Draw a tree, unless it is the one that is drawn; all nodes are idle then. `first` are values of its variables. */
+  draw(drawing, first = {}) {
+    this.#first = first;
+    this.values({}, true);
     const text = JSON.stringify(drawing.tree);
     if (text !== this.#drawn) {
       this.clear();
       this.#drawn = text;
       const root = el("ul", { role: "tree", "aria-label": `Tree of ${drawing.mission}` });
       this.#adding = [[drawing.tree, null, root]];
+      const all = [drawing.tree];
+      for (const node of all) all.push(...node.children);
+      this.#missions = new Map(all.filter((node) => node.mission).map((node) => [node.key, node.mission]));
       root.addEventListener("keydown", (event) => this.#key(event));
       root.addEventListener("focusin", (event) => this.#roam(event.target.closest("li")));
       this.#add();
@@ -133,6 +166,27 @@ export class Tree extends HTMLElement {
     this.#paint();
   }
 
+  /** Say what variables hold, by their names as `state` has them; with `all`, of others nothing is known. */
+  values(values, all = false) {
+    this.#values = { ...(all ? {} : this.#values), ...values };
+    this.#stale = true;
+    this.#paint();
+  }
+
+  /** Return what a variable is called: that of a sub-mission, which comes with the key of its node, by that one's name. */
+  called(variable) {
+    const [, key, name] = /^([\d.]+) (.*)$/.exec(variable) ?? [];
+    const inner = this.#missions.get(key);
+    return inner ? `${inner}: ${name}` : variable;
+  }
+
+  /** Return what a name stands for in a sub-mission, or in the mission itself; undefined where that is not known. */
+  #value(name, scope) {
+    const key = scope ? `${scope.key} ${name}` : name;
+    const given = scope?.arguments[name];
+    return this.#values[key] ?? (given && whole(given, (outer) => this.#value(outer, scope.scope))) ?? this.#first[key] ?? undefined;
+  }
+
   /** Say how nodes stand at `t`, by their keys; with `whole`, all others are idle. */
   show(changed, t, whole = false) {
     this.#t = t;
@@ -157,6 +211,7 @@ export class Tree extends HTMLElement {
       for (const [key, badge] of block.badges) this.#badges.set(key, badge);
       for (const child of node.children.toReversed()) this.#adding.push([child, block, block.inner]);
     }
+    this.#stale = true;
     if (this.#adding.length) before_picture(this.#more);
     else this.#paint();
   }
@@ -164,6 +219,8 @@ export class Tree extends HTMLElement {
   #patch() {
     if (this.#adding.length) return; // it is drawn once all blocks are there
     const now = performance.now();
+    if (this.#stale) for (const block of this.#blocks.values()) if (block.texts.length) block.fill((name) => this.#value(name, block.scope));
+    this.#stale = false;
     if (now - this.#ticked > TICKING) {
       this.#ticked = now;
       for (const block of this.#blocks.values()) if (isActive(block.status)) this.#due.add(block);

@@ -5,14 +5,14 @@ export const SIGNS = { idle: "○", running: "▶", suspended: "‖", success: "
 /** Return whether a node with this status has started and not ended. */
 export const isActive = (status) => status === "running" || status === "suspended";
 
-/** Return seconds as "4.2 s" or "3:05". */
+/** Return seconds as "4.2 s", "3:05 min" or "1:03:05 h". */
 export function seconds(t) {
   if (!Number.isFinite(t)) return "";
   if (t < 60) return `${t.toFixed(1)} s`;
   const whole = Math.floor(t);
   const [hours, minutes] = [Math.floor(whole / 3600), Math.floor(whole / 60) % 60];
   const rest = String(whole % 60).padStart(2, "0");
-  return hours ? `${hours}:${String(minutes).padStart(2, "0")}:${rest}` : `${minutes}:${rest}`;
+  return hours ? `${hours}:${String(minutes).padStart(2, "0")}:${rest} h` : `${minutes}:${rest} min`;
 }
 
 /** Return a time of day (Unix) as people here write it. */
@@ -36,7 +36,27 @@ export const plain = (name) => String(name).replaceAll("_", " ");
 export const heading = ({ name, title, own }) => (own ? `${plain(title)} (${name.split("/").at(-1)})` : plain(title ?? name));
 
 /** Return a number with so many digits that matter. */
-export const figure = (value) => (typeof value === "number" ? String(+value.toFixed(Math.abs(value) < 10 ? 2 : 1)) : String(value));
+export function figure(value) {
+  if (typeof value !== "number") return String(value);
+  return String(Math.abs(value) < 1 ? +value.toPrecision(2) : +value.toFixed(Math.abs(value) < 10 ? 2 : 1));
+}
+
+const DEGREES = 180 / Math.PI;
+const METRES = ["m", 1, 2];
+const ANGLE = ["°", DEGREES, 0];
+const RATE = ["°/s", DEGREES, 0];
+const SPEED = ["m/s", 1, 2];
+const COUNT = ["", 1, 0];
+const SIZES = { x: METRES, y: METRES, nearest: METRES, distance: METRES, heading: ANGLE, pan: ANGLE, tilt: ANGLE, roll: ANGLE, pitch: ANGLE, yaw: ANGLE,
+  bearing: ANGLE, speed: SPEED, linear: SPEED, wanted_linear: SPEED, turn: RATE, angular: RATE, wanted_angular: RATE, battery: ["%", 1, 0], hottest: ["°C", 1, 0], joints: COUNT, moving: COUNT };
+
+/** Return a figure of a part, or of a command, with its name and its unit: "speed 0.25 m/s". What has no unit is a count. */
+export function sized(name, value) {
+  const [unit, factor, digits] = SIZES[name] ?? [];
+  if (unit === undefined || typeof value !== "number") return `${plain(name)} ${figure(value)}`;
+  const number = String(+(value * factor).toFixed(digits));
+  return unit ? `${plain(name)} ${number}${unit.startsWith("°") && unit !== "°C" ? "" : " "}${unit}` : `${number} ${plain(name)}`;
+}
 
 /** Return what a simulated robot is called. */
 export const reality = (simulated) => ({ "": "on the robot", wire: "simulated", fast: "simulated time" })[simulated] ?? simulated;
@@ -53,7 +73,7 @@ const LINES = {
   reflex: (e) => [e.on ? "warn" : "", `${plain(e.what)}${e.where ? ` (${e.where})` : ""}${e.on ? "" : " is over"}`],
   fault: (e) => [e.what === "online" ? "" : "bad", `${e.part}: ${e.what === "online" ? "there" : e.detail || e.what}${e.hint ? `. Try: ${e.hint}` : ""}`],
   notice: (e) => ["warn", `notice: ${e.text}`],
-  command: (e) => ["", `${e.to}: ${Object.entries(e.values ?? {}).map(([name, value]) => `${name} ${figure(value)}`).join(", ")}`],
+  command: (e) => ["", `${e.to}: ${Object.entries(e.values ?? {}).map(([name, value]) => sized(name, value)).join(", ")}`],
 };
 
 /** Return the kind of a line of the log ("", good, warn, bad, said, heard), and its text. */

@@ -46,6 +46,23 @@ def drawing_of(plan: Plan) -> Drawing:
     return Drawing(plan.mission, one_line(plan.summary), _file(plan.tree), _box(plan.tree, "1", ""))
 
 
+def first_values(plan: Plan) -> Mapping[str, object]:
+    """Return the values that variables have before a run: of its params, and of those of its sub-missions.
+
+    Variables of a sub-mission go by the key of its node and their name ("1.2 greeting"). A value that is calculated
+    when the sub-mission begins is left out.
+    """
+    found: dict[str, object] = dict(plan.params)
+    waiting = [(plan.tree, "1")]
+    while waiting:
+        step, key = waiting.pop()
+        waiting += [(child, f"{key}.{place}") for place, child in enumerate(step.children, start=1)]
+        if step.kind == MISSION:
+            fixed = {name: value.constant for name, value in step.arguments.items() if value.template is None}
+            found |= {f"{key} {name}": value for name, value in fixed.items() if value is not None}
+    return found
+
+
 def at(drawing: Drawing, now: Mapping[str, Now], time: float) -> Drawing:
     """Return the drawing as it stands ``time`` seconds into a run; nodes without a status then are idle."""
     return replace(drawing, root=_box_at(drawing.root, now), time=time)

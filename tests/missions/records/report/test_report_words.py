@@ -3,6 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
+from behaviours.tracking_error import JointError
+from drivers.api import HeadPose
 from missions.executive.events import Ended, FaultRaised, NodeChanged
 from missions.executive.tick_record import TickRecord
 from missions.records.recording.items import Missed, Picture, Seen
@@ -36,6 +38,14 @@ def test_a_summary_says_how_it_went_and_why(found: Study) -> None:
         "The battery went from 80 % to 74 %.",
         "It saw face 1: first at 1.01 s.",
     ]
+
+
+def test_each_number_in_an_object_has_its_unit() -> None:
+    assert in_words(HeadPose(0.5235988, -0.1)) == "HeadPose: pan 30 deg, tilt -5.7296 deg"
+    assert in_words({"elbow": JointError(0.01, 0.1, 1.5, 40)}) == (
+        "elbow: JointError: rms 0.573 deg, worst 5.7296 deg, at 1.5 s, readings 40"
+    )
+    assert in_words({}) == "nothing"
 
 
 def test_what_failed_on_the_way_is_told_besides_what_the_run_failed_by(tmp_path: Path) -> None:

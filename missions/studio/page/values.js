@@ -1,0 +1,39 @@
+// Texts of a mission with `${...}` in them: what each stands for, as far as that is known.
+
+const HOLE = /\$\{((?:[^{}'"]|'[^']*'|"[^"]*")*)\}/g;
+// A text, a number with its unit, a member, or a name and what follows it.
+const TOKEN = /'[^']*'|"[^"]*"|\d[\d.]*\s*\w*|\.\w+|([A-Za-z_]\w*)(\s*[.([])?/g;
+const WORDS = new Set(["and", "or", "not", "in", "is", "if", "else", "true", "false", "null", "none", "True", "False", "None"]);
+
+/** Return an expression with the values of its names; undefined where one of them is not known. */
+function known(expression, value) {
+  if (/^\s*[A-Za-z_]\w*\s*$/.test(expression)) return value(expression.trim());
+  let all = true;
+  const text = expression.replace(TOKEN, (found, name, follows) => {
+    if (!name || WORDS.has(name) || follows?.trim() === "(") return found;
+    const held = follows ? undefined : value(name);
+    all &&= held !== undefined;
+    return held ?? found;
+  });
+  return all ? text.trim() : undefined;
+}
+
+/** Return the pieces of a text: texts, and pairs of a value and the hole that it fills. `value` knows names. */
+export function filled(text, value) {
+  const pieces = [];
+  let end = 0;
+  for (const hole of text.matchAll(HOLE)) {
+    const found = known(hole[1], value);
+    if (found === undefined) continue;
+    pieces.push(text.slice(end, hole.index), [found, hole[0]]);
+    end = hole.index + hole[0].length;
+  }
+  return [...pieces, text.slice(end)].filter((piece) => piece !== "");
+}
+
+/** Return a text with all of its holes filled; undefined where one is not known. */
+export function whole(text, value) {
+  const pieces = filled(text, value);
+  const missing = pieces.some((piece) => typeof piece === "string" && piece.includes("${"));
+  return missing ? undefined : pieces.map((piece) => (typeof piece === "string" ? piece : piece[0])).join("");
+}
