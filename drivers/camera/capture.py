@@ -6,7 +6,7 @@ from threading import Condition, Event, Thread
 from typing import Protocol
 
 from drivers.api import CameraFrame, DeviceStatus, Health, Image, Report
-from drivers.camera.decode import UNWANTED
+from drivers.camera.decode import NOTHING, UNWANTED
 from drivers.camera.freshness import Freshness
 from drivers.clock import Clock
 from drivers.errors import NotConnected
@@ -14,7 +14,10 @@ from drivers.guard import guarded
 
 
 class Feed(Protocol):
-    """A source of pictures that may be absent, may end and may be started again. Used from one thread."""
+    """A source of pictures that may be absent, may end and may be started again. Used from one thread.
+
+    None of it is stuck in C: a thread that is, as Python ends, takes the process down with it.
+    """
 
     @property
     def what(self) -> str:
@@ -26,15 +29,16 @@ class Feed(Protocol):
         """What to type next when it opens and yet gives no picture."""
         ...
 
-    def start(self) -> float | None:
+    def start(self, ending: Event) -> float | None:
         """Open it; return the seconds between the pictures of a recording, or None for one that is live.
 
-        Raises NotConnected when it is not there.
+        ``ending`` is set when the camera is closed: nothing is waited for then. Raises NotConnected when it is not
+        there.
         """
         ...
 
     def grab(self, wanted: Callable[[], bool]) -> Image | None:
-        """Return the next picture, waiting for it if it is live; None when there is no more.
+        """Return the next picture; ``NOTHING`` when none has come for a moment; None when there is no more.
 
         Once it is there, ``wanted`` says whether anybody needs it; else it is ``UNWANTED``, and is not decoded.
         """
@@ -51,18 +55,23 @@ _GLANCE = 0.1
 _UNREAD = 1.0
 """Seconds after which pictures that nobody reads go by without being decoded."""
 
-_SILENCE = 2.0
+SILENCE = 2.0
 """Seconds without a picture after which a camera counts as offline."""
 
-_JOIN_TIMEOUT = 1.0
-"""Seconds that ``end`` waits for a thread that may be stuck in OpenCV."""
+NOT_YET = "no picture yet"
+"""The end of what is said of a camera that has neither shown a picture nor failed."""
+
+AGAIN = " again"
+"""The end of a notice that says that something is over that was told of."""
+
+_JOIN_TIMEOUT = 5.0
+"""Seconds that ``end`` waits for a thread that decodes a picture: a feed takes a moment at most."""
 
 
 class Capture:
     """Drains a feed on its own thread, and opens it again, every ``retry`` seconds, while it is away.
 
-    A thread that is stuck in a driver is left behind by ``end`` and ends by itself; so the feed and all state belong
-    to one run, and the next run gets new ones.
+    The feed and all state belong to one run, and the next run gets new ones.
     """
 
     def __init__(self, name: str, feed: Feed, clock: Clock, *, loop: bool, retry: float, report: Report) -> None:
@@ -80,8 +89,8 @@ class Capture:
         self._read_at = inf  # since it was opened nobody has
         self._frames = self._dropped = self._starts = 0
         self._online = False
-        self._trouble = NotConnected(f"{name}: {feed.what}: no picture yet", hint=feed.hint)
-        self._silence = _SILENCE
+        self._trouble = NotConnected(f"{name}: {feed.what}: {NOT_YET}", hint=feed.hint)
+        self._silence = SILENCE
         self._due = 0.0
         self._ending = Event()
         self._thread = Thread(target=self._run, name=f"camera {name}", daemon=True)
@@ -92,7 +101,7 @@ class Capture:
         self._thread.start()
 
     def end(self) -> None:
-        """End the thread, and a ``read`` that waits; returns within about a second whatever OpenCV does."""
+        """End the thread, and a ``read`` that waits."""
         self._ending.set()
         with self._arrived:
             self._arrived.notify_all()
@@ -151,15 +160,20 @@ class Capture:
             if trouble is not None and not self._ending.is_set():
                 self._lost(trouble)
                 self._ending.wait(self._retry)
+        self._feed.stop()  # once more: it may keep what a next start needs
 
     def _serve(self) -> NotConnected | None:
         """Pass pictures on until there are no more; return what is the matter then, None to start at once again."""
-        period = self._feed.start()
+        period = self._feed.start(self._ending)
         self._starts += 1
         self._freshness.restart()
         before = self._frames
-        self._silence = max(_SILENCE, 3 * (period or 0.0))
+        self._silence = max(SILENCE, 3 * (period or 0.0))
         while (image := self._feed.grab(self._wanted)) is not None:
+            if image is NOTHING and not self._ending.is_set():
+                if (silent := self._silent()) is not None:
+                    self._lost(silent)
+                continue
             if self._ending.is_set() or (period is not None and not self._paced(period)):
                 return None
             if image is UNWANTED:
@@ -199,6 +213,7 @@ class Capture:
                 self._frames += 1
             else:
                 self._frame = None
+        self._found()
 
     def _paced(self, period: float) -> bool:
         """Wait until the next picture of a recording is due on the clock; False when the camera is closed first."""
@@ -213,10 +228,17 @@ class Capture:
             self._came_at = self._clock.now()
             self._frame = CameraFrame(image, self._came_at, self._frames)
             self._frames += 1
-            was_online, self._online = self._online, True
             self._arrived.notify_all()
+        self._found()
+
+    def _found(self) -> None:
+        """Count it as online, and report that it is there, or back."""
+        with self._arrived:
+            was_online, self._online = self._online, True
+            back = self._frames > 1
         if not was_online:
-            self._report(DeviceStatus(self._name, "online", f"{self._feed.what} gives pictures"))
+            self._freshness.restart()
+            self._report(DeviceStatus(self._name, "online", f"{self._feed.what} gives pictures{AGAIN * back}"))
 
     def _lost(self, trouble: NotConnected) -> None:
         with self._arrived:

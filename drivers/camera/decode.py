@@ -21,6 +21,9 @@ from drivers.errors import BadRequest
 UNWANTED: Image = np.empty((0, 0, 3), np.uint8)
 """Stands for a picture that was not decoded."""
 
+NOTHING: Image = np.empty((0, 0, 3), np.uint8)
+"""Stands for no picture yet."""
+
 Size = tuple[int, int]
 """Width and height in pixels."""
 
@@ -192,8 +195,11 @@ def check_size(what: str, size: Size | None) -> None:
 
 
 def opened(source: str | int, backend: int, settings: list[int], *, what: str) -> cv2.VideoCapture:
-    """Open a video, stream or device. Raises BadRequest where its frames, or a picture that it is, are too large."""
-    hush()
+    """Open a video, stream or device. Raises BadRequest where its frames, or a picture that it is, are too large.
+
+    FFmpeg says on standard error why it cannot, unless ``hush`` was called before.
+    """
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     if Path(what).is_file():  # a picture under a video's name is decoded when it is opened
         with Path(what).open("rb") as file:
             check_size(what, size_of(file))

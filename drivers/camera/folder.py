@@ -1,14 +1,11 @@
-"""A camera that shows the pictures of a folder, or one picture, at a steady rate."""
+"""The pictures of a folder, or one picture, at a steady rate."""
 
 from collections.abc import Callable, Iterator
-from math import radians
 from pathlib import Path
 
-from drivers.api import Image, Report, ignore
+from drivers.api import Image
 from drivers.camera.decode import UNWANTED, load
 from drivers.camera.source import PICTURES
-from drivers.camera.threaded import ThreadedCamera
-from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
 
 
@@ -18,23 +15,13 @@ class FolderFeed:
     So are those with too many pixels (``decode.MOST_PIXELS``). Where nothing else is there, the first one is told.
     """
 
-    def __init__(self, name: str, path: Path, rate: float) -> None:
+    def __init__(self, name: str, path: str | Path, rate: float) -> None:
         self._name = name
-        self._path = path
+        self._path = Path(path)
         self._rate = rate
         self._left: Iterator[Path] = iter(())
         self._shown = False
         self._trouble: BadRequest | None = None
-
-    @property
-    def what(self) -> str:
-        """The path."""
-        return str(self._path)
-
-    @property
-    def hint(self) -> str:
-        """What to type next when no picture decodes."""
-        return f"`file {self._path / '*' if self._path.is_dir() else self._path}` shows what is in there"
 
     def start(self) -> float:
         """List the folder anew; return the seconds between pictures. Raises NotConnected when it holds none."""
@@ -70,34 +57,3 @@ class FolderFeed:
     def stop(self) -> None:
         """Forget the list."""
         self._left = iter(())
-
-
-class FolderCamera(ThreadedCamera):
-    """Shows the pictures at ``path`` (a folder, or one picture), ``rate`` a second; meets ``drivers.api.Camera``.
-
-    With ``loop`` it goes on for ever, and lists the folder anew in each round. Raises BadRequest unless ``rate`` > 0.
-    """
-
-    def __init__(
-        self,
-        path: str | Path,
-        clock: Clock,
-        *,
-        rate: float = 5.0,
-        name: str = "camera",
-        field_of_view: float = radians(60.0),
-        loop: bool = True,
-        retry: float = 1.0,
-        report: Report = ignore,
-    ) -> None:
-        if rate <= 0:
-            raise BadRequest(f"{name}: {rate} pictures a second: must be above 0")
-        super().__init__(
-            lambda: FolderFeed(name, Path(path), rate),
-            clock,
-            name=name,
-            field_of_view=field_of_view,
-            loop=loop,
-            retry=retry,
-            report=report,
-        )

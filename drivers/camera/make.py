@@ -2,12 +2,14 @@
 
 from math import radians
 
-from drivers.api import Camera, Report, ignore
+from drivers.api import Report, ignore
 from drivers.api.driver import Site
 from drivers.api.senses import CameraKeys
-from drivers.camera.opencv import OpenCVCamera
-from drivers.camera.source import Kind, Source, kind_of
+from drivers.camera.reader import ReaderFeed
+from drivers.camera.source import Source
+from drivers.camera.threaded import ThreadedCamera
 from drivers.clock import Clock
+from drivers.errors import BadRequest
 
 
 def open_source(
@@ -18,20 +20,29 @@ def open_source(
     size: tuple[int, int] | None = None,
     loop: bool = True,
     retry: float = 1.0,
+    rate: float = 5.0,
     report: Report = ignore,
-) -> Camera:
+) -> ThreadedCamera:
     """Return a camera over ``source``, not opened yet: a number or path of a device, an address, a video, pictures.
 
-    ``size`` (width, height in pixels) is asked of devices, ``loop`` is for recordings.
+    ``size`` (width, height in pixels) is asked of devices, ``loop`` is for recordings: a clip stands in for a camera
+    that goes on. Pictures come at ``rate`` a second, a film at its own. Stamps are the time at which the picture
+    arrived, a few tens of milliseconds after its exposure. Raises BadRequest unless ``rate`` > 0.
     """
-    if kind_of(source) in {Kind.FOLDER, Kind.PICTURE}:
-        from drivers.camera.folder import FolderCamera  # noqa: PLC0415 - a robot has none
+    if rate <= 0:
+        raise BadRequest(f"camera: {rate} pictures a second: must be above 0")
+    return ThreadedCamera(
+        lambda: ReaderFeed("camera", source, size, rate),
+        clock,
+        name="camera",
+        field_of_view=field_of_view,
+        loop=loop,
+        retry=retry,
+        report=report,
+    )
 
-        return FolderCamera(str(source), clock, field_of_view=field_of_view, loop=loop, retry=retry, report=report)
-    return OpenCVCamera(source, clock, field_of_view=field_of_view, size=size, loop=loop, retry=retry, report=report)
 
-
-def make(keys: CameraKeys, site: Site) -> Camera:
+def make(keys: CameraKeys, site: Site) -> ThreadedCamera:
     """Return the camera on the source of the keys: an index, a device, a file, a URL or a folder."""
     return open_source(
         keys.source,

@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 
 from drivers.api import Image
-from drivers.camera.decode import grab, load, opened
+from drivers.camera.decode import grab, hush, load, opened
 from drivers.camera.source import PICTURES, VIDEOS
 from drivers.errors import BadRequest
 
@@ -52,6 +52,7 @@ def _frames(path: Path) -> Iterator[Picture]:
 
 
 def _video(path: Path) -> Iterator[Image]:
+    hush()
     video = opened(str(path), cv2.CAP_FFMPEG, [], what=str(path))
     try:
         while (image := grab(video)) is not None:

@@ -1,6 +1,7 @@
 """A camera whose pictures come by ROS 2: as Image, or as CompressedImage."""
 
 from collections.abc import Callable
+from threading import Event
 from typing import Any
 
 import cv2
@@ -69,7 +70,7 @@ class TopicFeed:
         why = self._faults.why(0)
         return f"{why}; {hint_for(self._channel.topic)}" if why else hint_for(self._channel.topic)
 
-    def start(self) -> float | None:
+    def start(self, ending: Event) -> float | None:  # noqa: ARG002 - it waits for nothing
         """Listen to the topic. Raises NotConnected while nobody sends it."""
         self._port = TopicPort(self._nodes("camera"), [self._channel])
         self._finder, self._kind = wire.FrameFinder(), ""

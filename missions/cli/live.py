@@ -89,6 +89,7 @@ class Watcher:
         self._drawn = -REFRESH
         self._started: dict[str, float] = {}
         self._there: list[str] = []  # parts, until the first tick
+        self._troubled: set[str] = set()  # parts of which something was told that may be over
         self._ready = False
 
     def watch(self, root: Node) -> None:
@@ -161,9 +162,13 @@ class Watcher:
         if event.what == "online":
             self._there.append(event.part)
             self._prepare()
-            if "http:" in event.detail:  # where the page with its face is
+            if "is at http:" in event.detail:  # where the page with its face is
                 self._lines.print(f"  {event.plain}")
+            elif event.part in self._troubled:
+                self._troubled.discard(event.part)
+                self._lines.print(f"{event.t:6.1f} s  ", ("✓", "green"), f" {event.part}: back: {event.plain}")
             return
+        self._troubled.add(event.part)
         hint = f"\n            try: {event.hint}" if event.hint else ""
         self._lines.print(f"{event.t:6.1f} s  ", ("!", "yellow"), f" {event.part}: {event.plain}{hint}")
 

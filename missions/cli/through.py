@@ -2,30 +2,39 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
+from math import inf
 from typing import Any
 
 import click
 
 from config.robot import RobotConfig
 from drivers.api import Camera, DeviceStatus, Image, ignore
+from drivers.camera.capture import AGAIN, NOT_YET
 from drivers.camera.make import open_source
+from drivers.camera.source import is_live
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
 from missions.assembly.assemble import Place
 from missions.assembly.together import Hooks, Overrides, making_order
 
-PICTURE_TIMEOUT = 5.0
-"""Seconds in which a camera must show something, unless less was asked for."""
+PICTURE_TIMEOUT = 8.0
+"""Seconds in which a camera must show something: one in the network says why not within 5 s."""
+
+FAILURE_TIMEOUT = 2.0
+"""Seconds after which a camera that has said why it shows nothing is not waited for."""
+
+RETURN_TIMEOUT = 30.0
+"""Seconds without a picture after which a camera that has shown something is not waited for any more."""
 
 
 def through(source: str, seconds: float, size: tuple[int, int] | None = None) -> Iterator[tuple[float, Image]]:
     """Yield what a camera sees, with the time since it was opened, for so long, or until its film is over.
 
-    Raises NotConnected when there is nothing to see in time.
+    A live one that falls silent is waited for. Raises NotConnected when there is nothing to see in time.
     """
     clock = SystemClock()
     with closing(open_source(source, clock, size=size, loop=False, report=tell)) as camera:
-        yield from _watched(camera, clock, seconds)
+        yield from _watched(camera, clock, seconds, live=is_live(source))
 
 
 def through_own(config: RobotConfig, seconds: float) -> Iterator[tuple[float, Image]]:
@@ -39,27 +48,33 @@ def through_own(config: RobotConfig, seconds: float) -> Iterator[tuple[float, Im
             made[part] = stack.enter_context(closing(place.device(config.sections[part], made)))
             if part != "camera":
                 made[part].open()
-        yield from _watched(made["camera"], clock, seconds)
+        yield from _watched(made["camera"], clock, seconds, live=True)
 
 
-def _watched(camera: Camera, clock: Clock, seconds: float) -> Iterator[tuple[float, Image]]:
+def _watched(camera: Camera, clock: Clock, seconds: float, *, live: bool) -> Iterator[tuple[float, Image]]:
+    """Yield pictures for so long after the first one."""
     begin = clock.now()
     camera.open()
-    seen = False
-    while (now := clock.now() - begin) < seconds:
+    end = inf
+    seen_at: float | None = None
+    while clock.now() < end:
         frame = camera.read(0.2)
         if frame is not None:
-            seen = True
+            seen_at = clock.now()
+            end = min(end, seen_at + seconds)
             yield frame.stamp - begin, frame.image
             continue
         health = camera.health()
-        if seen and not health.online:
-            return  # a film is over, or it was unplugged, which is told
-        if not seen and now > min(PICTURE_TIMEOUT, seconds / 5):
+        if seen_at is not None and not health.online and not live:
+            return  # a film is over
+        most = RETURN_TIMEOUT
+        if seen_at is None:
+            most = PICTURE_TIMEOUT if health.detail.endswith(NOT_YET) else FAILURE_TIMEOUT
+        if clock.now() - (seen_at or begin) > most:
             raise NotConnected(health.detail, hint=health.hint)
 
 
 def tell(notice: DeviceStatus) -> None:
-    """Print what a camera says of itself, but for that it is there."""
-    if notice.kind != "online":
+    """Print what a camera says of itself, but for that it is there at first."""
+    if notice.kind != "online" or notice.what.endswith(AGAIN):
         click.echo(notice.what + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)

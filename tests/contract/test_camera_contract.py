@@ -43,7 +43,7 @@ class Cable:
         self.plugged = True
         self._clock = clock
 
-    def start(self) -> float | None:
+    def start(self, ending: Event) -> float | None:  # noqa: ARG002 - it waits for nothing
         if not self.plugged:
             raise NotConnected(f"camera: {self.what}: no such device", hint=self.hint)
         return None

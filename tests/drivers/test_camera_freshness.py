@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from itertools import cycle, pairwise, repeat
 from pathlib import Path
 from queue import Queue
+from threading import Event
 
 import cv2
 import numpy as np
@@ -13,8 +14,8 @@ from hypothesis import strategies as st
 
 from drivers.api import DeviceStatus, Image
 from drivers.camera.decode import UNWANTED
-from drivers.camera.folder import FolderCamera
 from drivers.camera.freshness import FROZEN, Freshness
+from drivers.camera.make import open_source
 from drivers.camera.threaded import ThreadedCamera
 from drivers.clock import ManualClock
 from tests.waiting import wait_until
@@ -114,7 +115,7 @@ class Live:
     def __init__(self) -> None:
         self.pictures: Queue[Image | None] = Queue()
 
-    def start(self) -> float | None:
+    def start(self, ending: Event) -> float | None:  # noqa: ARG002 - it waits for nothing
         return None
 
     def grab(self, wanted: Callable[[], bool]) -> Image | None:
@@ -178,7 +179,7 @@ def test_who_reads_a_camera_that_fell_silent_has_it_told_of_once() -> None:
 def test_a_recording_may_hold_still(tmp_path: Path) -> None:
     path, clock, notices = tmp_path / "still.png", ManualClock(), list[DeviceStatus]()
     cv2.imwrite(str(path), STILL)
-    camera = FolderCamera(path, clock, rate=10.0, report=notices.append)
+    camera = open_source(path, clock, rate=10.0, report=notices.append)
     camera.open()
     try:
         stamps = []

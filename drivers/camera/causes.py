@@ -1,0 +1,138 @@
+"""Why an address gives no pictures, in words, and what to type next: by status codes, errors and the log of FFmpeg."""
+
+import errno
+import re
+import socket
+import ssl
+from http import HTTPStatus
+from http.client import BadStatusLine, HTTPException, RemoteDisconnected
+from urllib.parse import urlsplit
+
+from drivers.camera.source import Kind, Source, kind_of, shown
+from drivers.errors import NotConnected
+
+Cause = tuple[str, str]
+"""A reason, and a hint."""
+
+ADDRESSES = (
+    "usual ones: :81/stream and /capture (ESP32-CAM), /?action=stream (mjpg-streamer), :8080/video (IP Webcam), "
+    "/stream.mjpg; its manual or its page in a browser has the right one"
+)
+_ONE_VIEWER = "most small cameras have one viewer at a time: close it in the browser and in other programs"
+_PORTS = {"http": 80, "https": 443, "rtsp": 554, "rtmp": 1935}
+
+_LOG = (
+    (r"\b(401|403|404|503)\b", 0),
+    (r"refused", errno.ECONNREFUSED),
+    (r"timed out|timeout", errno.ETIMEDOUT),
+    (r"no route|unreachable", errno.EHOSTUNREACH),
+    (r"resolve", socket.EAI_NONAME),
+)
+"""What FFmpeg writes in its log, and what that is."""
+
+
+def missing(name: str, source: Source, cause: Cause) -> NotConnected:
+    """Return the error for a source that is not there for a cause."""
+    return NotConnected(f"{name}: {shown(source)}: {cause[0]}", hint=cause[1])
+
+
+def with_cause(trouble: NotConnected, log: bytes, source: Source) -> NotConnected:
+    """Return the error with what the log of FFmpeg says of an address; the same where it says nothing."""
+    if kind_of(source) is not Kind.URL:
+        return trouble
+    text = log.decode("utf-8", "replace")
+    for pattern, what in _LOG:
+        found = re.search(pattern, text, re.IGNORECASE)
+        if found is None:
+            continue
+        error = socket.gaierror() if what == socket.EAI_NONAME else OSError(what, "")
+        reason, hint = of_status(int(found[1]), source) if found.groups() else of_error(error, source)
+        return NotConnected(f"{trouble}: {reason}", hint=hint)
+    return trouble
+
+
+def of_status(status: int, source: Source, given: bool | None = None) -> Cause:
+    """Return what a status code means; ``given`` says whether the address has a name and a password."""
+    told = f"{status} {HTTPStatus(status).phrase}" if status in HTTPStatus._value2member_map_ else str(status)
+    scheme, rest = str(source).split("://", 1)
+    if status == HTTPStatus.UNAUTHORIZED:
+        if "@" in rest if given is None else given:
+            return (
+                f"refuses this user name or password ({told})",
+                "its page in a browser shows whether they are right; in an address @ is %40, / is %2F, : is %3A",
+            )
+        place = shown(source).split("://", 1)[1]
+        return (
+            f"wants a user name and a password ({told})",
+            f"write them into its address: {scheme}://NAME:PASSWORD@{place}",
+        )
+    if status == HTTPStatus.FORBIDDEN:
+        return f"forbids to look ({told})", f"its page in a browser says who may; {_ONE_VIEWER}"
+    if status in (HTTPStatus.NOT_FOUND, HTTPStatus.GONE):
+        return f"has nothing at this address ({told})", ADDRESSES
+    if status >= 500:
+        return f"is busy or faulty ({told})", f"{_ONE_VIEWER}; else restart the camera"
+    if 300 <= status < 400:
+        return f"redirects for ever ({told})", ADDRESSES
+    return f"answers {told}", ADDRESSES
+
+
+def of_page(page: str) -> Cause:
+    """Return what a web page in the place of pictures means."""
+    title = re.search(r"<title[^>]*>\s*([^<]{1,60})", page, re.IGNORECASE)
+    named = f": {title[1].strip()!r}" if title else ""
+    if re.search(r"type\s*=\s*[\"']?password|log.?in|sign.?in", page, re.IGNORECASE):
+        hint = f"the stream has an address of its own, which takes NAME:PASSWORD@ before the host; {ADDRESSES}"
+        return f"shows a web page to log in, and no pictures{named}", hint
+    return f"shows a web page, and no pictures{named}", f"the stream has an address of its own; {ADDRESSES}"
+
+
+def of_error(error: Exception, source: Source) -> Cause:
+    """Return what an error of a connection means."""
+    parts = urlsplit(str(source))
+    host = parts.hostname or ""
+    try:
+        port = parts.port or _PORTS.get(parts.scheme.lower(), 0)
+    except ValueError:
+        return "its port is no number from 0 to 65535", "in a password : is %3A, / is %2F, @ is %40"
+    if isinstance(error, ssl.SSLError):
+        return _of_tls(error, host, port)
+    if isinstance(error, HTTPException) and not isinstance(error, RemoteDisconnected):
+        return _of_answer(error, port)
+    if isinstance(error, socket.gaierror | UnicodeError):
+        return f"no such host: {host}", f"`ping {host}`; or write its number (a name in .local needs avahi-daemon)"
+    if isinstance(error, TimeoutError) or getattr(error, "errno", None) == errno.ETIMEDOUT:
+        return f"{host} does not answer on port {port}", f"`ping {host}`: is it on, and in the same network?"
+    if isinstance(error, ConnectionRefusedError) or getattr(error, "errno", None) == errno.ECONNREFUSED:
+        hint = (
+            f"is it on, and is {port} its port? ESP32-CAM streams on 81, RTSP cameras on 554; rpicam-vid needs --listen"
+        )
+        return f"connection refused: nothing listens on port {port} of {host}", hint
+    if isinstance(error, RemoteDisconnected | ConnectionError):
+        return "closes the connection without an answer", f"{_ONE_VIEWER}; else restart the camera"
+    if getattr(error, "errno", None) in (errno.EHOSTUNREACH, errno.ENETUNREACH):
+        return f"there is no way to {host}", f"`ping {host}`: is it on, and in the same network?"
+    return f"{getattr(error, 'strerror', None) or error}", f"`ping {host}`"
+
+
+def _of_tls(error: ssl.SSLError, host: str, port: int) -> Cause:
+    if not isinstance(error, ssl.SSLCertVerificationError):
+        return f"does not speak TLS on port {port} ({error.reason})", "write http:// instead of https://"
+    if "expired" in error.verify_message or "not yet valid" in error.verify_message:
+        return (
+            f"its TLS certificate is out of date: {error.verify_message}",
+            "`date`: is the clock of this computer right?",
+        )
+    fetch = f"`openssl s_client -connect {host}:{port} </dev/null | openssl x509 > camera.pem`"
+    hint = f"if it is your camera: {fetch}, then SSL_CERT_FILE=camera.pem before `mission`; or http://"
+    return f"its TLS certificate is not trusted: {error.verify_message}", hint
+
+
+def _of_answer(error: HTTPException, port: int) -> Cause:
+    if not isinstance(error, BadStatusLine):
+        return f"its answer is no HTTP: {type(error).__name__}", ADDRESSES
+    line = str(error).strip().strip("'")
+    hint = (
+        "write https://" if line[:1] == "\x15" or "HTTPS" in line else "write rtsp://" if "RTSP" in line else ADDRESSES
+    )
+    return f"does not speak HTTP on port {port}: it begins with {line[:30]!r}", hint

@@ -1,0 +1,90 @@
+"""Pictures out of a stream of JPEGs (MJPEG), whatever stands between them: nothing, or the heads of parts (HTTP).
+
+Only whole pictures come out: one that was cut off is dropped as the next one begins.
+"""
+
+import re
+from collections.abc import Iterator
+
+LARGEST_PICTURE = 32_000_000
+"""Bytes that a picture may have; what is longer is no picture."""
+
+BEGIN = b"\xff\xd8\xff"
+"""How a JPEG begins."""
+
+_EOI, _SOI, _SOS = 0xD9, 0xD8, 0xDA
+_ALONE = frozenset({0x01, *range(0xD0, 0xD8)})
+"""Markers without a segment."""
+
+_HOLDING = frozenset({0xE1, 0xE2})
+"""The segments that may hold another picture: a small one of the same."""
+
+_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+"""What ends the data of a scan: in it, 0xff stands before 0 or the number of a restart."""
+
+
+class JpegFinder:
+    """Finds the pictures in bytes that are cut anywhere."""
+
+    def __init__(self) -> None:
+        self._data = bytearray()
+        self._at = 0  # up to here the picture at the beginning is read
+        self._scanning = False
+
+    def feed(self, data: bytes) -> Iterator[bytes]:
+        """Yield the pictures that ``data`` completes."""
+        self._data += data
+        while self._begin():
+            end = self._end()
+            if end is None:
+                if len(self._data) <= LARGEST_PICTURE:
+                    return
+                self._drop(len(BEGIN))
+            elif end > 0:
+                yield bytes(self._data[:end])
+                self._drop(end)
+            else:
+                self._drop(-end)
+
+    def _begin(self) -> bool:
+        """Have the next picture at the beginning; False where none has begun."""
+        if self._at:
+            return True
+        place = self._data.find(BEGIN)
+        if place < 0:
+            self._drop(max(0, len(self._data) - len(BEGIN) + 1))
+            return False
+        self._drop(place)
+        self._at = 2
+        return True
+
+    def _drop(self, count: int) -> None:
+        del self._data[:count]
+        self._at, self._scanning = 0, False
+
+    def _end(self) -> int | None:
+        """Return where the picture ends; None for not yet; below 0, how many bytes are none of a picture."""
+        data = self._data
+        while True:
+            if self._scanning:
+                found = _MARKER.search(data, self._at)
+                if found is None:
+                    self._at = max(self._at, len(data) - 1)
+                    return None
+                self._at, self._scanning = found.start(), False
+            while self._at + 1 < len(data) and data[self._at] == data[self._at + 1] == 0xFF:
+                self._at += 1  # padding
+            if self._at + 4 > len(data) and not (self._at + 2 <= len(data) and data[self._at + 1] == _EOI):
+                return None
+            if data[self._at] != 0xFF or data[self._at + 1] == _SOI:
+                return -self._at
+            marker = data[self._at + 1]
+            if marker == _EOI:
+                return self._at + 2
+            end = self._at + (2 if marker in _ALONE else 2 + int.from_bytes(data[self._at + 2 : self._at + 4]))
+            other = -1 if marker in _HOLDING else data.find(BEGIN, self._at, end)
+            if other > 0:
+                return -other  # this one was torn
+            if end > len(data):
+                return None
+            self._at, self._scanning = end, marker == _SOS

@@ -1,0 +1,416 @@
+"""Cameras in the network: what they send, how they fall silent, and that none of it takes the run down."""
+
+import os
+import signal
+import ssl
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from queue import Queue
+
+import cv2
+import numpy as np
+import pytest
+
+from drivers.api import CameraFrame, DeviceStatus
+from drivers.camera import reader
+from drivers.camera.make import open_source
+from drivers.camera.source import without_secrets
+from drivers.camera.threaded import ThreadedCamera
+from drivers.clock import SystemClock
+from tests.drivers.web_cameras import MJPEG, OK, Connection, WebCamera, answer, jpeg, part
+from tests.waiting import wait_until
+
+Answer = Callable[[Connection], None]
+
+
+@contextmanager
+def watched(source: str, notices: "Queue[DeviceStatus] | None" = None) -> Iterator[ThreadedCamera]:
+    """Open a camera, and close it after the test."""
+    report = (lambda _: None) if notices is None else notices.put
+    camera = open_source(source, SystemClock(), retry=0.05, report=report)
+    camera.open()
+    try:
+        yield camera
+    finally:
+        camera.close()
+
+
+def shown(camera: ThreadedCamera, count: int = 1) -> list[CameraFrame]:
+    """Return the next pictures."""
+    found = list[CameraFrame]()
+
+    def came() -> bool:
+        frame = camera.read(0.1)
+        found.extend([] if frame is None else [frame])
+        return len(found) >= count
+
+    wait_until(came)
+    return found
+
+
+def children(parent: int) -> set[int]:
+    """Return the processes that a process has started and that are alive."""
+    found = set()
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):  # it has just ended
+            state, of = path.read_text().rpartition(")")[2].split()[:2]
+            if int(of) == parent and state != "Z":
+                found.add(int(path.parent.name))
+    return found
+
+
+def endless(connection: Connection) -> None:
+    connection.send(MJPEG)
+    connection.stream()
+
+
+def test_a_stream_shows_its_pictures_and_leaves_no_process() -> None:
+    with WebCamera(endless) as web:
+        with watched(f"{web.url}/stream") as camera:
+            frames = shown(camera, 3)
+            assert children(os.getpid())
+        assert not children(os.getpid())
+    assert frames[0].image.shape == (48, 64, 3)
+    assert frames[0].number < frames[1].number < frames[2].number
+
+
+def stalled(connection: Connection) -> None:
+    connection.send(MJPEG + part(jpeg(10)))
+    connection.pause(60)
+
+
+def silent_from_the_start(connection: Connection) -> None:
+    connection.pause(60)
+
+
+def silent_after_its_head(connection: Connection) -> None:
+    connection.send(MJPEG)
+    connection.pause(60)
+
+
+def half_a_picture(connection: Connection) -> None:
+    connection.send(MJPEG + part(jpeg(10)) + part(jpeg(20))[:300])
+    connection.pause(60)
+
+
+def drop_by_drop(connection: Connection) -> None:
+    for byte in MJPEG + 100 * b"x-more: of it\r\n":
+        connection.send(bytes([byte]))
+        connection.pause(0.05)
+
+
+SILENT: tuple[Answer, ...] = (stalled, silent_from_the_start, silent_after_its_head, half_a_picture, drop_by_drop)
+
+
+@pytest.mark.parametrize("behaviour", SILENT)
+def test_a_silent_camera_is_closed_at_once_and_leaves_no_process(behaviour: Answer) -> None:
+    with WebCamera(behaviour) as web:
+        with watched(f"{web.url}/stream") as camera:
+            wait_until(lambda: web.connections)
+            camera.read(0.1)
+            clock = SystemClock()
+            camera.close()
+            assert clock.now() < 4
+        assert not children(os.getpid())
+
+
+PROGRAM = """
+import sys
+from drivers.camera.make import open_source
+from drivers.clock import SystemClock
+camera = open_source(sys.argv[1], SystemClock())
+camera.open()
+for _ in range(int(sys.argv[2])):
+    camera.read(0.1)
+print("success", flush=True)
+if sys.argv[3] == "raise":
+    raise ValueError("planted")
+if sys.argv[3] == "wait":
+    sys.stdin.read()
+"""
+
+
+def program(*arguments: str) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, *arguments],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("behaviour", SILENT)
+@pytest.mark.parametrize(("end", "code"), [("exit", 0), ("raise", 1)])
+def test_python_ends_in_good_order_with_a_camera_that_nobody_closed(behaviour: Answer, end: str, code: int) -> None:
+    with WebCamera(behaviour) as web, program(f"{web.url}/stream", "5", end) as run:
+        out, _ = run.communicate(timeout=60)
+        assert (out, run.returncode) == ("success\n", code)
+
+
+def test_a_run_that_is_killed_takes_its_reader_along() -> None:
+    with WebCamera(stalled) as web, program(f"{web.url}/stream", "8", "wait") as run:
+        assert run.stdout is not None
+        assert run.stdout.readline() == "success\n"
+        (child,) = children(run.pid)
+        run.kill()
+        run.wait()
+        wait_until(lambda: not Path(f"/proc/{child}").exists())
+
+
+def test_a_reader_that_crashes_is_reported_and_followed_by_another() -> None:
+    notices = Queue[DeviceStatus]()
+    with WebCamera(endless) as web, watched(f"{web.url}/stream", notices) as camera:
+        shown(camera)
+        for child in children(os.getpid()):
+            os.kill(child, signal.SIGSEGV)
+        assert notices.get(timeout=30).kind == "online"
+        lost = notices.get(timeout=30)
+        assert (lost.kind, "the process that reads it ended by SIGSEGV" in lost.what) == ("offline", True)
+        shown(camera)
+        back = notices.get(timeout=30)
+        assert (back.kind, back.what) == ("online", f"{web.url}/stream gives pictures again")
+
+
+def test_a_hiccup_is_told_of_and_so_is_its_end_on_the_same_connection() -> None:
+    def hiccup(connection: Connection) -> None:
+        connection.send(MJPEG)
+        connection.stream(count=5)
+        connection.pause(2.6)
+        connection.stream()
+
+    notices = Queue[DeviceStatus]()
+    with WebCamera(hiccup) as web, watched(f"{web.url}/stream", notices) as camera:
+        shown(camera)  # from then on nobody reads: it is told nevertheless
+        told = [notices.get(timeout=30) for _ in range(3)]
+        assert [notice.kind for notice in told] == ["online", "offline", "online"]
+        assert "no picture for 2." in told[1].what
+        assert told[2].what.endswith("gives pictures again")
+        assert len(web.connections) == 1
+
+
+def test_a_stream_that_stays_silent_is_asked_for_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reader, "STALL_TIMEOUT", 0.5)
+
+    def once_silent(connection: Connection) -> None:
+        (stalled if connection.number == 0 else endless)(connection)
+
+    with WebCamera(once_silent) as web, watched(f"{web.url}/stream") as camera:
+        shown(camera, 4)
+        assert len(web.connections) == 2
+
+
+def chunked(connection: Connection) -> None:
+    """Send as the server of an ESP32 does."""
+    connection.send(MJPEG.replace(b"\r\n\r\n", b"\r\nTransfer-Encoding: chunked\r\n\r\n"))
+    for level in range(20, 220):
+        for piece in (b"\r\n--frame\r\n", b"Content-Type: image/jpeg\r\n\r\n", jpeg(level)):
+            connection.send(b"%x\r\n%s\r\n" % (len(piece), piece))
+        connection.pause(0.02)
+
+
+def without_lengths(connection: Connection) -> None:
+    connection.send(MJPEG)
+    for level in range(20, 220):
+        connection.send(b"--frame\r\nContent-Type: image/jpeg\r\n\r\n" + jpeg(level) + b"\r\n")
+        connection.pause(0.02)
+
+
+def with_wrong_lengths(connection: Connection) -> None:
+    connection.send(MJPEG)
+    for level in range(20, 220):
+        connection.send(b"--frame\r\nContent-Length: 0\r\n\r\n" + jpeg(level) + b"\r\n")
+        connection.pause(0.02)
+
+
+def torn(connection: Connection) -> None:
+    """Send half pictures, empty ones and nonsense between whole ones."""
+    connection.send(MJPEG)
+    for level in range(20, 220):
+        picture = jpeg(level)
+        for each in (picture[: len(picture) // 2], b"", b"\xff\xd8\xff\xe0nonsense", picture):
+            connection.send(part(each))
+        connection.pause(0.02)
+
+
+def of_changing_size(connection: Connection) -> None:
+    connection.send(MJPEG)
+    for number in range(200):
+        connection.send(part(jpeg(90, (64 + 16 * (number % 3), 48))))
+        connection.pause(0.02)
+
+
+def in_no_kind(connection: Connection) -> None:
+    connection.send(OK + b"\r\n")
+    for level in range(20, 220):
+        connection.send(jpeg(level))
+        connection.pause(0.02)
+
+
+@pytest.mark.parametrize(
+    "behaviour", [chunked, without_lengths, with_wrong_lengths, torn, of_changing_size, in_no_kind]
+)
+def test_whatever_a_stream_puts_between_whole_pictures_they_are_shown(behaviour: Answer) -> None:
+    with WebCamera(behaviour) as web, watched(f"{web.url}/") as camera:
+        frames = shown(camera, 4)
+        assert all(frame.image[0, 0, 0] > 200 for frame in frames)
+        assert all(abs(float(frame.image[40:, 40:].std())) < 2 for frame in frames)
+
+
+def test_an_address_of_one_picture_is_asked_again_and_again() -> None:
+    def snapshot(connection: Connection) -> None:
+        if connection.number % 4 == 1:
+            connection.send(answer(b"", status="503 Service Unavailable"))
+        elif connection.number % 4 == 2:
+            connection.send(answer(b""))
+        else:
+            connection.send(answer(jpeg(20 + connection.number % 200)))
+
+    notices = Queue[DeviceStatus]()
+    with WebCamera(snapshot) as web, watched(f"{web.url}/capture", notices) as camera:
+        clock = SystemClock()
+        shown(camera, 6)
+        assert len(web.connections) <= 2 + 9 * clock.now()
+        assert camera.health().online
+    assert notices.get_nowait().kind == "online"
+    assert all(notice.kind == "fault" for notice in notices.queue)  # some are late
+
+
+def test_an_mjpeg_stream_over_tcp_has_one_connection() -> None:
+    """Read what ``rpicam-vid --codec mjpeg --listen -o tcp://0.0.0.0:8888`` sends: JPEG after JPEG, to one client."""
+
+    def rpicam(connection: Connection) -> None:
+        for number in range(1_000):
+            connection.send(jpeg(20 + number % 200))
+            connection.pause(0.02)
+
+    with WebCamera(rpicam, asks=False) as web, watched(f"tcp://127.0.0.1:{web.port}") as camera:
+        assert shown(camera, 4)[-1].image.shape == (48, 64, 3)
+        assert len(web.connections) == 1
+
+
+def test_a_film_over_tcp_is_for_ffmpeg_on_the_same_connection(tmp_path: Path) -> None:
+    film = tmp_path / "film.avi"
+    writer = cv2.VideoWriter(str(film), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (64, 48))
+    for level in range(100):
+        writer.write(np.full((48, 64, 3), level, np.uint8))
+    writer.release()
+
+    def send(connection: Connection) -> None:
+        connection.send(film.read_bytes())
+        connection.pause(60)
+
+    with WebCamera(send, asks=False) as web, watched(f"tcp://127.0.0.1:{web.port}") as camera:
+        shown(camera, 1)
+        assert len(web.connections) == 1
+
+
+def page(body: str, status: str = "200 OK") -> Answer:
+    return lambda connection: connection.send(answer(body.encode(), "text/html; charset=utf-8", status))
+
+
+def plain(data: bytes) -> Answer:
+    return lambda connection: connection.send(data)
+
+
+REFUSALS: tuple[tuple[Answer, str, str], ...] = (
+    (page("", "401 Unauthorized"), "wants a user name and a password (401 Unauthorized)", "http://NAME:PASSWORD@127.0.0.1:"),
+    (page("", "403 Forbidden"), "forbids to look (403 Forbidden)", "one viewer at a time"),
+    (page("", "404 Not Found"), "has nothing at this address (404 Not Found)", ":81/stream"),
+    (page("", "503 Service Unavailable"), "is busy or faulty (503 Service Unavailable)", "one viewer at a time"),
+    (page("", "299 Odd"), "shows a web page", "an address of its own"),
+    (page("", "418 Teapot"), "answers 418", "usual ones"),
+    (page("<title>My Cam</title>"), "shows a web page, and no pictures: 'My Cam'", "an address of its own"),
+    (page("<input type='password'>"), "shows a web page to log in", "NAME:PASSWORD@"),
+    (plain(b"SSH-2.0-OpenSSH_9.2\r\n"), "does not speak HTTP on port", "usual ones"),
+    (plain(b"\x15\x03\x01\x00\x02\x02\x16\r\n"), "does not speak HTTP on port", "write https://"),
+    (plain(b""), "closes the connection without an answer", "one viewer at a time"),
+    (plain(OK + 200 * b"x: y\r\n" + b"\r\n"), "its answer is no HTTP", "usual ones"),
+    (plain(b"HTTP/1.1 302 Found\r\nLocation: /again\r\n\r\n"), "redirects for ever (302 Found)", "usual ones"),
+    (plain(b"HTTP/1.1 302 Found\r\nLocation: rtsp://me:secret@cam/x\r\n\r\n"), "redirects to rtsp://***@cam", "write"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("behaviour", "reason", "hint"), REFUSALS, ids=[reason[:30] for _, reason, _ in REFUSALS])
+def test_why_an_address_gives_no_pictures_is_said(behaviour: Answer, reason: str, hint: str) -> None:
+    with WebCamera(behaviour) as web, watched(f"{web.url}/stream") as camera:
+        wait_until(lambda: reason in camera.health().detail)
+        assert hint in camera.health().hint
+
+
+@pytest.mark.parametrize(
+    ("source", "reason", "hint"),
+    [
+        ("http://127.0.0.1:9/", "connection refused: nothing listens on port 9 of 127.0.0.1", "is 9 its port?"),
+        ("tcp://127.0.0.1:9", "connection refused", "rpicam-vid needs --listen"),
+        ("rtsp://127.0.0.1:9/x", "cannot be opened as a stream: connection refused", "RTSP cameras on 554"),
+        ("http://no-such-camera.invalid/", "no such host: no-such-camera.invalid", "ping no-such-camera.invalid"),
+        ("rtsp://no-such-camera.invalid/", "no such host: no-such-camera.invalid", "ping no-such-camera.invalid"),
+        ("http://127.0.0.1:port/", "its port is no number", "%3A"),
+        ("http:///stream", "names no host", ""),
+        ("tcp://127.0.0.1", "names no host, or no port", "tcp://HOST:8888"),
+        ("nonsense://127.0.0.1/", "cannot be opened as a stream", "ffplay nonsense://127.0.0.1/"),
+    ],
+)
+def test_why_an_address_does_not_open_is_said(source: str, reason: str, hint: str) -> None:
+    with watched(source) as camera:
+        wait_until(lambda: reason in camera.health().detail)
+        assert hint in camera.health().hint
+
+
+@pytest.mark.parametrize("scheme", ["Basic", "Digest"])
+def test_a_name_and_a_password_are_sent_and_never_shown(scheme: str) -> None:
+    asks = {"Basic": 'Basic realm="cam"', "Digest": 'Digest realm="cam", nonce="abc", qop="auth", algorithm=MD5'}[
+        scheme
+    ]
+    refused = answer(b"", "text/plain", "401 Unauthorized", f"WWW-Authenticate: {asks}")
+
+    def guarded(connection: Connection) -> None:
+        known = b"Authorization: Basic bWU6cEBzcw==" in connection.request or b'username="me"' in connection.request
+        connection.send(MJPEG if known else refused)
+        if known:
+            connection.stream()
+
+    with WebCamera(guarded) as web:
+        place = web.url.removeprefix("http://")
+        notices = Queue[DeviceStatus]()
+        with watched(f"http://me:p%40ss@{place}/stream", notices) as camera:
+            shown(camera)
+        assert notices.get_nowait().what == f"http://***@{place}/stream gives pictures"
+        with watched(f"http://you:p%40ss@{place}/stream") as camera:
+            if scheme == "Basic":
+                wait_until(lambda: "refuses this user name or password (401" in camera.health().detail)
+                assert "p%40ss" not in camera.health().detail + camera.health().hint
+
+
+def test_a_certificate_that_nobody_trusts_is_explained(tmp_path: Path) -> None:
+    key, made = tmp_path / "key.pem", tmp_path / "cert.pem"
+    command = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=cam"]
+    subprocess.run([*command, "-keyout", str(key), "-out", str(made)], check=True, capture_output=True)
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(made, key)
+    web = WebCamera(endless, tls=lambda peer: context.wrap_socket(peer, server_side=True))
+    with web, watched(web.url.replace("http", "https")) as camera:
+        wait_until(lambda: "its TLS certificate is not trusted: self" in camera.health().detail)
+        assert "SSL_CERT_FILE=camera.pem" in camera.health().hint
+    web = WebCamera(plain(b"HTTP/1.1 400 Bad Request\r\n\r\n"), asks=False)
+    with web, watched(web.url.replace("http", "https")) as camera:
+        wait_until(lambda: "does not speak TLS on port" in camera.health().detail)
+
+
+@pytest.mark.parametrize(
+    ("address", "safe"),
+    [
+        ("rtsp://me:secret@h:9/x", "rtsp://***@h:9/x"),
+        ("http://me:s@cret@h/x", "http://***@h/x"),
+        ("http://me:sec/r@et@h/x", "http://***@h/x"),
+        ("http://secret@h/", "http://***@h/"),
+        ("http://h/a@b", "http://h/a@b"),
+        ("http://[::1]:80/a@b", "http://[::1]:80/a@b"),
+        ("http://h/cgi?usr=secret&pwd=secret&x=1", "http://h/cgi?usr=***&pwd=***&x=1"),
+        ("rtsp://h:554/user=secret&password=secret&channel=1", "rtsp://h:554/user=***&password=***&channel=1"),
+        ("see http://me:secret@h/x, and http://me:secret@z", "see http://***@h/x, and http://***@z"),
+    ],
+)
+def test_no_secret_of_an_address_is_shown(address: str, safe: str) -> None:
+    assert without_secrets(address) == safe
