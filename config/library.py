@@ -57,6 +57,8 @@ def find(kind: str, name: str, *, library: dict[str, Path] | None = None, folder
     own = _own(kind, name)
     if own is not None:
         return own
+    if path.is_dir() and (wrong := _foreign(kind, path)):
+        raise UnknownNameError(wrong)
     hint = _meant(kind, folder, name) or _close(kind, Path(name).stem if path.suffix in SUFFIXES else name, known)
     if path.suffix in (*SUFFIXES, ".mcap"):
         raise UnknownNameError(f"{seen(str(path))}: no such file" + (f"; {hint}" if hint else ""))
@@ -167,13 +169,35 @@ BEGINNING = 65_536
 """Bytes in which the keys are looked for."""
 
 
+PLAYED = ("pypot", "motion")
+"""The forms of other programs' files that are movements."""
+
+
 def wrong_kind(asked: str, path: Path) -> str:
     """Say what a file is where it is clearly of another kind than the one ``asked`` for; nothing where it may be."""
     found = kinds_of(path)
-    if not found or asked in found or (asked == "moves" and "gestures" in found):
+    if not found:
+        return _foreign(asked, path)
+    if asked in found or (asked == "moves" and "gestures" in found):
         return ""
     use = USES[found[0]].format(path)
     return f"{path} is {article(found[0].removesuffix('s'))}: {use}"
+
+
+def _foreign(asked: str, path: Path) -> str:
+    """Say what a file of another program is, and what can be done with it; nothing where it may be one of ours."""
+    from config.foreign import foreign_file, plain_data  # noqa: PLC0415 - most files are ours
+
+    if asked == "moves" and path.suffix.lower() in SHEETS:
+        return ""
+    found = foreign_file(path)
+    if found is not None:
+        played = asked == "moves" and found.form in PLAYED
+        return "" if played else f"{path} is {found.what}: {found.use.format(path)}"
+    if path.is_dir() or path.suffix.lower() in (*SUFFIXES, ".json") or isinstance(plain_data(path), Mapping):
+        return ""
+    sheet = f"a table of a movement has to end in {', '.join(SHEETS)}" if asked == "moves" else "see `mission --help`"
+    return f"{path} is not recognised: files of MissionTree end in .yaml; {sheet}"
 
 
 def kinds_of(path: Path) -> list[str]:

@@ -219,6 +219,9 @@ def _mode_faults(joint: Joint) -> list[Trouble]:
             if register in CALIBRATION and "homing_offset" in table and joint.value("homing_offset"):
                 cure = CALIBRATED
             found.append((f"{words} ({register.replace('_', ' ')} {value}, not {right})", cure))
+    if "shadow_id" in table and (leader := joint.value("shadow_id")) <= wire2.LAST_ID:
+        told = f"obeys what servo {leader} is sent (shadow id {leader}): they are two servos on one joint"
+        found.append((told, f"leave joint {joint.name} out of the robot file: it turns with servo {leader}"))
     if joint.value(table.torque_ceiling) == 0:
         told = f"has no force ({table.torque_ceiling.replace('_', ' ')} 0)"
         most = joint.model.default(table[table.torque_ceiling])

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from config.faults import Diagnostic, InvalidFileError, Source
 from drivers.dynamixel.declared import DynamixelKeys, JointKeys, Ticks
 from drivers.dynamixel.models import MODELS
+from missions.cli.servo.foreign_joints import PAIRED
 from missions.cli.servo.ros_joints import RosJoints, load_ros_joints, ros_joints_of
 from missions.cli.servo.writing import robot_text
 from missions.library.drivers import robot_of
@@ -71,6 +72,32 @@ def test_what_has_no_place_in_a_robot_file_is_said() -> None:
     assert note.source.line(note.mark.line) == "    joint_compliance_slope: 64"
 
 
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        (f"{PLAIN}  joint_sped: 2\n", 4, "'joint_sped' is left out: dynamixel_controllers has no such key"),
+        (PLAIN.replace("id: 5", "id: 5, ids: 6"), 3, "'ids' is left out: dynamixel_controllers has no such key"),
+        (
+            f"{PLAIN}arm:\n  controller: {{type: TrajectoryActionController}}\n  joint_trajectory_action_node: {{}}\n",
+            5,
+            "controller 'arm' is left out: a 'TrajectoryActionController' leads other controllers, and is no joint",
+        ),
+    ],
+)
+def test_what_ros_ignores_and_what_is_no_joint_is_left_out_and_said(text: str, line: int, message: str) -> None:
+    found = read(text)
+    assert list(found.joints) == ["elbow"]
+    assert [(note.mark.line, note.message) for note in found.notes] == [(line, message)]
+
+
+@pytest.mark.parametrize("kind", ["JointPositionControllerDual", "JointPositionControllerDualMotor", "Whatever", ""])
+def test_two_servos_on_one_joint_are_refused_whatever_their_controller_is_called(kind: str) -> None:
+    controller = f"  controller: {{type: {kind}}}\n" if kind else ""
+    pair = "  joint_name: shoulder\n  motor_master: {id: 2, init: 512, min: 0, max: 1023}\n  motor_slave: {id: 3}\n"
+    (mistake,) = mistakes(f"{PLAIN}two:\n{controller}{pair}")
+    assert "joint 'shoulder' has two servos (2 and 3)" in mistake.message
+
+
 @given(st.integers(0, 1023), st.integers(0, 1023), st.integers(0, 1023), st.floats(-1.0, 1.0))
 def test_a_goal_means_the_same_step_of_the_servo_as_in_ros(init: int, low: int, high: int, goal: float) -> None:
     assume(low != high)
@@ -116,21 +143,14 @@ def test_ends_beyond_the_servo_are_brought_within_and_said() -> None:
         (
             "two:\n  joint_name: a\n  motor_master: {id: 1, init: 5, min: 0, max: 9}\n  motor_slave: {id: 2}\n",
             3,
-            "controller 'two': a joint of two servos (motor_master, motor_slave) cannot be had",
+            PAIRED.format("a", 1, 2),
         ),
         (
             "wheel:\n  controller: {type: JointTorqueController}\n  joint_name: a\n  motor: {id: 1}\n",
             2,
             "controller 'wheel': a 'JointTorqueController' turns a wheel, and takes no positions",
         ),
-        (
-            "arm:\n  controller: {type: JointTrajectoryActionController}\n  joint_trajectory_action_node: {}\n",
-            2,
-            "controller 'arm': a 'JointTrajectoryActionController' leads other controllers, and is no joint",
-        ),
         ("x:\n  controller: {type: Magic}\n", 2, "controller 'x': a 'Magic' is unknown"),
-        (f"{PLAIN}  joint_sped: 2\n", 4, "controller 'elbow_controller' has no key 'joint_sped'"),
-        (PLAIN.replace("id: 5", "id: 5, ids: 6"), 3, "'motor' has no key 'ids'"),
         (PLAIN.replace("init: 512, ", ""), 3, "'motor' needs 'init'"),
         (PLAIN.replace("init: 512", "init: 2048"), 3, "'init' must be at most 1023"),
         (PLAIN.replace("1023", "0"), 3, "'min' and 'max' are both 0: the joint could not move"),

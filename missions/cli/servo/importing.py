@@ -1,4 +1,4 @@
-"""``mission servo import``: the joints of a ROS robot (`dynamixel_controllers`) as those of a robot file."""
+"""``mission servo import``: the joints of an arm, as other programs describe them, as those of a robot file."""
 
 from pathlib import Path
 
@@ -6,14 +6,17 @@ import click
 
 from config.editing import NotEditableError, require_own, rewrite, with_value
 from config.faults import Source, one_of
+from config.foreign import foreign_file
+from config.library import PLAYED, SHEETS, kinds_of, wrong_kind
 from config.marked import read_source
 from config.writing import write_new
 from drivers.dynamixel.declared import ALIASES, JointKeys
 from drivers.dynamixel.models import MODELS
 from missions.cli.numbers import Whole
 from missions.cli.root import SUCCESS
+from missions.cli.servo.foreign_joints import ForeignJoints, foreign_joints
 from missions.cli.servo.ranges import arm_of
-from missions.cli.servo.ros_joints import RosJoints, load_ros_joints
+from missions.cli.servo.ros_joints import load_ros_joints
 from missions.cli.servo.target import ARM, arm_named, arm_option
 from missions.cli.servo.writing import robot_text
 from missions.library.drivers import robot_of
@@ -21,7 +24,7 @@ from missions.library.drivers import robot_of
 
 @click.command("import", epilog="Example: mission servo import joints.yaml -o my_robot.yaml")
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
-@click.option("--model", default="AX-12A", show_default=True, help="What its servos are: the file does not say.")
+@click.option("--model", help="What its servos are, which no file says: AX-12A, or STS3215 for a calibration.")
 @click.option("--port", default="/dev/u2d2", show_default=True, metavar="PATH", help="Where they are plugged in.")
 @click.option("--baud", type=Whole(min=1), default=1_000_000, show_default=True, metavar="RATE")
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), metavar="NEW", help="Write a new "
@@ -30,19 +33,21 @@ from missions.library.drivers import robot_of
               "joints to an arm of a robot file of yours.")  # fmt: skip
 @arm_option
 def import_joints(
-    file: Path, model: str, port: str, baud: int, output: Path | None, into: Path | None, arm: str
+    file: Path, model: str | None, port: str, baud: int, output: Path | None, into: Path | None, arm: str
 ) -> int:
-    """Import joints from a ROS file.
+    """Import joints from a file of ROS or LeRobot.
 
-    A YAML of dynamixel_controllers becomes the joints of a robot file; `init`, `min` and `max` stay the servo's
-    steps. What was changed or left out is told on stderr.
+    It becomes the joints of a robot file: a YAML of dynamixel_controllers, ArbotiX, Interbotix or dynamixel_workbench,
+    or a calibration of LeRobot's. Steps of the servo stay steps. What was changed or left out is told on stderr.
     """
-    if model not in (known := [*MODELS, *ALIASES]):
+    if model is not None and model not in (known := [*MODELS, *ALIASES]):
         raise click.UsageError(f"--model: '{model}' is no servo that we know; {one_of(model, known)}")
     if output is not None and into is not None:
         raise click.UsageError("-o writes a new file and --into adds to one: give one of them")
-    found = load_ros_joints(file, model=ALIASES.get(model, model))
-    text = robot_text(file.stem, found.joints, port=port, baud=baud, arm=arm)
+    found = _imported(file, model)
+    if into is not None and found.calibration:
+        raise click.UsageError(f"{file} is a calibration: write `calibration: {found.calibration}` in {into}")
+    text = robot_text(file.stem, found.joints, port=port, baud=baud, arm=arm, calibration=found.calibration)
     try:
         if into is not None:
             _add(into, found, text, arm)
@@ -55,13 +60,31 @@ def import_joints(
     except FileExistsError as error:
         raise click.UsageError(f"{error}; or add to it: --into {output}") from error
     for note in found.notes:
-        click.echo(str(note), err=True)
+        click.echo(note, err=True)
     if output or into:
         click.echo(f"{len(found.joints)} joints written into {output or into}", err=True)
     return SUCCESS
 
 
-def _add(path: Path, found: RosJoints, text: str, part: str) -> None:
+def _imported(file: Path, model: str | None) -> ForeignJoints:
+    """Read the joints of a file. Raises click.UsageError with what it is, and InvalidFileError."""
+    foreign = None if kinds_of(file) else foreign_file(file)
+    if foreign is None or not foreign.form or foreign.form in PLAYED:
+        sheet = f"{file} is a spreadsheet: mission servo play {file}" if file.suffix.lower() in SHEETS else ""
+        other = f"{file} has no joints in a form that is known here (dynamixel_controllers, ArbotiX, Interbotix, "
+        other += "dynamixel_workbench, LeRobot); `mission robot new` makes a robot file of what is plugged in"
+        raise click.UsageError(wrong_kind("joints", file) or sheet or other)
+    usual = {"ros": "AX-12A", "arbotix": "AX-12A", "lerobot": "STS3215"}.get(foreign.form)
+    if model is None and usual is None:
+        raise click.UsageError(f"{file} is {foreign.what}: say what its servos are, such as --model XM430-W350")
+    servos = ALIASES.get(model or "", model or usual or "")
+    if foreign.form != "ros":
+        return foreign_joints(file, foreign.form, servos)
+    found = load_ros_joints(file, model=servos)
+    return ForeignJoints(dict(found.joints), [str(note) for note in found.notes])
+
+
+def _add(path: Path, found: ForeignJoints, text: str, part: str) -> None:
     """Add joints, as ``text`` has them, to an arm of a robot file, and nothing else.
 
     Raises NotEditableError where that cannot be, click.UsageError where it has other arms, and not this.

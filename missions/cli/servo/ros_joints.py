@@ -16,24 +16,27 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
+from types import MappingProxyType
 
 from config.declared import nearest, note_mistakes, read_keys
 from config.faults import Diagnostic, InvalidFileError, Source
 from config.fields import Fields, fields_of, value_of
 from config.marked import Mapping as MarkedMapping
-from config.marked import read_source
+from config.marked import Node, read_source
 from config.units import seen
-from drivers.api.keys import Mistake, key, keys
+from drivers.api.keys import Mistake, declared, key, keys
 from drivers.dynamixel.declared import JointKeys, Ticks, last_id
 from drivers.dynamixel.models import MODELS, Model
+from missions.cli.servo.foreign_joints import PAIRED
 
 UNLIKE = {
     "JointTorqueController": "turns a wheel, and takes no positions",
     "JointTorqueControllerDualMotor": "turns wheels, and takes no positions",
-    "JointPositionControllerDualMotor": "moves one joint with two servos: make it two joints",
-    "JointTrajectoryActionController": "leads other controllers, and is no joint",
 }
 """The types of controller that are no joints of ours, and why."""
+
+LEADERS = ("JointTrajectoryActionController", "TrajectoryActionController")
+"""The types of controller that lead other controllers: they are left out."""
 
 
 @keys
@@ -43,6 +46,7 @@ class KindKeys:
     package: str = key(default="")
     module: str = key(default="")
     type: str = key(default="JointPositionController")
+    others: Mapping[str, object] = key(default=MappingProxyType({}), rest=True)
 
 
 @keys
@@ -54,6 +58,7 @@ class MotorKeys:
     min: int = key()
     max: int = key()
     acceleration: object = key(default=None)
+    others: Mapping[str, object] = key(default=MappingProxyType({}), rest=True)
 
 
 @keys
@@ -69,7 +74,14 @@ class ControllerKeys:
     joint_compliance_slope: object = key(default=None)
     joint_compliance_margin: object = key(default=None)
     joint_compliance_punch: object = key(default=None)
+    others: Mapping[str, object] = key(default=MappingProxyType({}), rest=True)
 
+
+KEYS = {
+    part: {each.word for each in declared(of)}
+    for part, of in (("", ControllerKeys), ("motor", MotorKeys), ("controller", KindKeys))
+}
+"""The keys of a controller that are read, and those of its parts."""
 
 LEFT_OUT: Mapping[tuple[str, ...], str] = {
     ("joint_compliance_slope",): "compliance",
@@ -117,7 +129,7 @@ class _Reader:
 
     def take(self, controller: str, fields: Fields) -> None:
         """Read one controller."""
-        if _unlike(fields):
+        if _unlike(fields) or self._leads(fields):
             return
         mistakes = len(fields.faults)
         read = read_keys(fields, ControllerKeys)
@@ -132,9 +144,20 @@ class _Reader:
             torque=read.joint_torque_limit,
             ticks=self._ticks(fields, read.motor),
         )
+        for at in _unknown(fields):  # which ROS ignores
+            self._note(fields, at, f"'{at[-1]}' is left out: dynamixel_controllers has no such key")
         for at, what in LEFT_OUT.items():
             if getattr(read.motor if at[0] == "motor" else read, at[-1]) is not None:
                 self._note(fields, at, f"'{at[-1]}' is left out: the {what} of a servo stays as it is")
+
+    def _leads(self, fields: Fields) -> bool:
+        """Note a controller that leads others, and return True for it."""
+        kind, node = _kind(fields)
+        if node is not None and kind in LEADERS:
+            what = f"{fields.what} is left out: a {seen(kind)} leads other controllers, and is no joint"
+            self.notes.append(Diagnostic(fields.source, node.mark, what))
+            return True
+        return False
 
     def _mistakes(self, read: ControllerKeys) -> Iterator[Mistake]:
         """Yield what the servo cannot do."""
@@ -174,18 +197,41 @@ class _Reader:
         self.notes.append(Diagnostic(fields.source, nearest(fields.node, at), message))
 
 
-def _unlike(fields: Fields) -> bool:
-    """Note a controller that is no joint of ours, and return True for it."""
+def _unknown(fields: Fields) -> Iterator[tuple[str, ...]]:
+    """Yield where keys stand that are not read."""
+    for part, known in KEYS.items():
+        node = fields.node_of(part) if part else fields.node
+        for word in node.keys() if isinstance(node, MarkedMapping) else ():
+            if word not in known:
+                yield (part, word) if part else (word,)
+
+
+def _kind(fields: Fields) -> tuple[object, Node | None]:
+    """Return the type of a controller, and where it stands."""
     section = fields.node_of("controller")
     node = section.get("type") if isinstance(section, MarkedMapping) else None
-    kind = "JointPositionController" if node is None else value_of(node)
-    twin = fields.node_of("motor_master") or fields.node_of("motor_slave")
-    if node is not None and kind != "JointPositionController":
-        why = UNLIKE.get(str(kind), "is unknown")
-        fields.fault(node.mark, f"{fields.what}: a {seen(kind)} {why}", "take it out of the file")
-    elif twin is not None:
-        why = "a joint of two servos (motor_master, motor_slave) cannot be had"
-        fields.fault(twin.mark, f"{fields.what}: {why}", "make it two joints")
+    return ("JointPositionController" if node is None else value_of(node)), node
+
+
+def _unlike(fields: Fields) -> bool:
+    """Note a controller that is no joint of ours, and return True for it."""
+    kind, node = _kind(fields)
+    if "motor_master" in (keys := [word.text for word, _ in fields.entries()]) or "motor_slave" in keys:
+        ids = [_servo(fields.node_of(word)) for word in ("motor_master", "motor_slave")]
+        joint = fields.node_of("joint_name")
+        name = fields.what if joint is None else value_of(joint)
+        mark = next(word.mark for word, _ in fields.entries() if word.text in ("motor_master", "motor_slave"))
+        fields.fault(mark, PAIRED.format(name, *ids))
+    elif node is not None and kind not in ("JointPositionController", *LEADERS):
+        fields.fault(
+            node.mark, f"{fields.what}: a {seen(kind)} {UNLIKE.get(str(kind), 'is unknown')}", "take it out of the file"
+        )
     else:
         return False
     return True
+
+
+def _servo(node: Node | None) -> object:
+    """Return the ID of a motor, as it is written."""
+    number = node.get("id") if isinstance(node, MarkedMapping) else None
+    return "?" if number is None else value_of(number)

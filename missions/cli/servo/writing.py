@@ -11,17 +11,27 @@ from missions.library.drivers import robot_of
 
 
 def robot_text(
-    name: str, joints: Mapping[str, JointKeys], *, port: str, baud: int = 1_000_000, arm: str = "arm"
+    name: str,
+    joints: Mapping[str, JointKeys],
+    *,
+    port: str,
+    baud: int = 1_000_000,
+    arm: str = "arm",
+    calibration: str = "",
 ) -> str:
-    """Return the text of a robot file with an ``arm`` of ``joints`` alone. Raises InvalidFileError if it is none."""
+    """Return the text of a robot file with an ``arm`` of ``joints`` alone; with a ``calibration`` they are Feetech's.
+
+    Raises InvalidFileError if it is none.
+    """
     lines = [
         f"robot: {word(name)}",
         "",
         f"{arm}:",
         *([] if arm == "arm" else ["  kind: arm"]),
-        "  driver: dynamixel",
+        f"  driver: {'feetech' if calibration else 'dynamixel'}",
         f"  port: {json.dumps(port)}",
         f"  baud: {baud}",
+        *([f"  calibration: {json.dumps(calibration)}"] if calibration else []),
     ]
     lines += ["  joints:", *(f"    {word(joint)}: {_joint(config)}" for joint, config in joints.items())]
     text = "\n".join(lines) + "\n"
@@ -31,6 +41,8 @@ def robot_text(
 
 def _joint(joint: JointKeys) -> str:
     """Write a joint, in steps of its servo if that is how it came."""
+    if joint.ticks is None and joint.limits is None:
+        return flow({"id": str(joint.id), "model": joint.model})
     if joint.ticks is None:
         limits = f"[{number(joint.lower, 6)} rad, {number(joint.upper, 6)} rad]"
         way = {"zero": f"{number(joint.zero, 6)} rad", "limits": limits, "reverse": str(joint.reverse).lower()}

@@ -1,17 +1,20 @@
 """Movements out of files: a gesture, a spreadsheet of joint angles, or a sheet of which a move file says what it means.
 
 A sheet alone has a column for every joint, headed by its name, in radians, and a row for every moment; a column
-``time`` (s), or the rate of the rows, says when they are. For all else: ``config.move``.
+``time`` (s), or the rate of the rows, says when they are. For all else: ``config.move``. Moves of pypot and of
+dynamixel_workbench are read as such sheets.
 """
 
 from pathlib import Path
 
+from config.foreign import foreign_file
 from config.gesture import gesture_of
-from config.library import SHEETS
+from config.library import PLAYED, SHEETS, kinds_of
 from config.marked import read_source
 from config.move import JointSource, MoveConfig, is_move, move_of
 from drivers.api import Gesture
 from drivers.api.sections import ArmKeys
+from missions.hands.moves.other_moves import sheet_of
 from missions.hands.moves.rows import TIME, played
 from missions.hands.moves.sheet import Sheet, read_sheet
 
@@ -25,6 +28,10 @@ def load_move(path: Path, *, rate: float | None = None, arm: ArmKeys | None = No
     if path.suffix.lower() in SHEETS:
         sheet = read_sheet(path)
         return played(sheet, _of_headings(sheet, path), rate=rate, arm=arm)
+    foreign = None if kinds_of(path) else foreign_file(path)
+    if foreign is not None and foreign.form in PLAYED:
+        sheet = sheet_of(path, foreign.form)
+        return played(sheet, _of_headings(sheet, path, in_degrees=foreign.form == "pypot"), rate=None, arm=arm)
     source = read_source(path)
     if not is_move(source):
         return gesture_of(source, None if arm is None else arm.reaches).movement
@@ -32,7 +39,7 @@ def load_move(path: Path, *, rate: float | None = None, arm: ArmKeys | None = No
     return played(read_sheet(move.sheet, move.tab), move, rate=rate, arm=arm)
 
 
-def _of_headings(sheet: Sheet, path: Path) -> MoveConfig:
+def _of_headings(sheet: Sheet, path: Path, *, in_degrees: bool = False) -> MoveConfig:
     """Take every column for a joint."""
     joints = {heading: JointSource(column=heading) for heading in sheet.headings if heading != TIME}
-    return MoveConfig(path.stem, "", path, joints)
+    return MoveConfig(path.stem, "", path, joints, degrees=in_degrees)
