@@ -5,6 +5,7 @@ A file says by its keys what it is, a mission, a world, a robot; so people are t
 
 import re
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from config.faults import closest, did_you_mean
@@ -57,8 +58,9 @@ def find(kind: str, name: str, *, library: dict[str, Path] | None = None, folder
     own = _own(kind, name)
     if own is not None:
         return own
-    if path.is_dir() and (wrong := _foreign(kind, path)):
-        raise UnknownNameError(wrong)
+    with suppress(OSError):  # a name that is too long
+        if path.is_dir() and (wrong := _foreign(kind, path)):
+            raise UnknownNameError(wrong)
     hint = _meant(kind, folder, name) or _close(kind, Path(name).stem if path.suffix in SUFFIXES else name, known)
     if path.suffix in (*SUFFIXES, ".mcap"):
         raise UnknownNameError(f"{seen(str(path))}: no such file" + (f"; {hint}" if hint else ""))
