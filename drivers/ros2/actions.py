@@ -6,12 +6,7 @@ from typing import Any
 
 from drivers.ros2.node import Node
 from drivers.ros2.types import Malformed, types
-
-FEEDBACK, STATUS = "_action/feedback", "_action/status"
-SEND, RESULT, CANCEL = "_action/send_goal", "_action/get_result", "_action/cancel_goal"
-"""The five end points of an action, after its name."""
-
-CANCEL_KIND = "action_msgs/srv/CancelGoal"
+from drivers.ros2.wire import CANCEL, CANCEL_KIND, FEEDBACK, RESULT, SEND, STATUS
 
 NOT_KNOWN, TERMINATED = 2, 3
 """Why no goal is cancelled, as action_msgs numbers it."""

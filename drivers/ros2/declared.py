@@ -26,7 +26,7 @@ def _no_topics(section: object, *words: str) -> Iterator[Mistake]:
 
 @keys
 class ZenohKeys(Ros2Keys):
-    """The ``ros2`` section of a robot that is reached over Zenoh (`rmw_zenoh`)."""
+    """The ``ros2`` section of a robot that is reached over Zenoh (`rmw_zenoh`, or zenoh-bridge-ros2dds)."""
 
     router: str = key(
         default="tcp/127.0.0.1:7447",
@@ -58,11 +58,12 @@ class ZenohKeys(Ros2Keys):
 ZENOH = Driver(
     "zenoh",
     "ros2",
-    "The nodes of ROS 2, over Zenoh (rmw_zenoh).",
+    "The nodes of ROS 2, over Zenoh: by rmw_zenoh, or by zenoh-bridge-ros2dds.",
     ZenohKeys,
     make="drivers.ros2.make:graph",
     twin="drivers.sim.twins.ros2:graph",
     virtual="drivers.virtual.ros2:graph",
+    checkup="drivers.ros2.checkup:checkup",
     extra="ros2",
 )
 

@@ -14,7 +14,8 @@ from drivers.link import Link, Port
 from drivers.loop import MakeLoop, ThreadLoop
 from drivers.ros2 import wire
 from drivers.ros2.faults import hint_for
-from drivers.ros2.node import Node, Publisher
+from drivers.ros2.node import Node
+from drivers.ros2.publisher import Publisher
 from drivers.ros2.sieve import Sieve
 from drivers.ros2.types import types
 
@@ -63,6 +64,7 @@ class TopicPort:
         self._senders: dict[int, list[Publisher]] = {}  # by channel and type, as frames have them
         self._there: dict[int, tuple[str, ...]] = {}
         self._mismatches: dict[int, str] = {}
+        self._bridges: dict[int, int] = {}  # how many bridges send on a channel, which messages do not tell
         self._sieves: dict[int, list[Sieve]] = {}
         self._version = -1
         self._finder = wire.FrameFinder()
@@ -125,7 +127,8 @@ class TopicPort:
         for number, sieves in self._sieves.items():
             with self._changed:
                 if there := self._there.get(number):
-                    self._say(number, there[:1] * max(sum(each.senders(now) for each in sieves), 1))
+                    senders = sum(each.senders(now) for each in sieves)
+                    self._say(number, there[:1] * max(senders, self._bridges.get(number, 0), 1))
 
     def _find(self, number: int, channel: Channel) -> None:
         """Look for who is at the other end; all that listen are told, whatever their types and hashes."""
@@ -137,6 +140,7 @@ class TopicPort:
             senders = [self._node.publisher(channel.topic, kind, each) for each in digests]
             self._senders[wire.at(number, place)] = senders
         there = {each.kind for each in found}
+        self._bridges[number] = len({each.zid for each in found if each.bridged})
         others = sorted({each.kind for each in everybody} - there)
         with self._changed:
             self._say_mismatch(number, channel, others)

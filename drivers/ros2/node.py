@@ -1,16 +1,20 @@
-"""A node of ROS 2 on a session of Zenoh: who else is there, topics, services. Each call returns at once."""
+"""A node of ROS 2 on a session of Zenoh: who else is there, topics, services. Each call returns at once.
 
-import secrets
+It speaks as `rmw_zenoh` does, and to robots of DDS by the keys of their bridge (``drivers.ros2.bridge``), at once.
+"""
+
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from dataclasses import replace
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 from drivers.api import Report, ignore
 from drivers.clock import Clock, since_1970
 from drivers.errors import NotConnected
-from drivers.ros2 import wire
+from drivers.ros2 import bridge, wire
 from drivers.ros2.faults import TopicFaults
+from drivers.ros2.publisher import FirstReply, Publisher, Replied, new_gid
 from drivers.ros2.sieve import Sieve
 from drivers.ros2.types import types
 from drivers.ros2.wire import Attachment, Entity
@@ -22,9 +26,6 @@ Heard = Callable[[str, bytes], None]
 """Told of a message: its type, and its bytes. Called from a thread of Zenoh's; must return at once."""
 
 UNATTACHED = "it comes without what rmw_zenoh attaches, and is not used; is its node started with rmw_zenoh_cpp?"
-
-Replied = Callable[[bytes | None], None]
-"""Told of the reply to a request; None once there will be none. Called from a thread of Zenoh's."""
 
 
 class Node:
@@ -55,24 +56,36 @@ class Node:
         self._zid = str(session.zid())
         self._lock = Lock()
         self._numbers = 0
-        self._found: dict[str, Entity] = {}
+        self._found: dict[str, list[Entity]] = {}  # by token
+        self._bridges: frozenset[str] = frozenset()  # the sessions of bridges
         self._publishers: dict[tuple[str, str, str], Publisher] = {}
         self._declared: list[tuple[object, Any]] = []
         self._token(Entity(wire.NODE, domain, self._zid, "0", "0", name, namespace))
         # Last: it is told at once of all that are there.
-        self._keep(session.liveliness().declare_subscriber(f"{wire.ADMIN}/{domain}/**", self._seen, history=True))
+        for tokens in (f"{wire.ADMIN}/{domain}/**", bridge.TOKENS):
+            self._keep(session.liveliness().declare_subscriber(tokens, self._seen, history=True))
 
     def now(self) -> float:
         """Return the time of its clock."""
         return self._clock.now()
 
     def entities(self, role: str = "", name: str = "") -> list[Entity]:
-        """Return who is there, of a role, and for a topic or service of this name; ours are not among them."""
-        with self._lock:
-            found = list(self._found.values())
-        return [each for each in found if role in {"", each.role} and name in {"", each.name}]
+        """Return who is there, of a role, and for a topic or service of this name; ours are not among them.
 
-    def publisher(self, name: str, kind: str, digest: str = "", *, waits: bool = False) -> "Publisher":
+        Who speaks both as `rmw_zenoh` and to bridges, as this node does, counts once.
+        """
+        with self._lock:
+            found = [each for several in self._found.values() for each in several]
+            bridges = self._bridges
+        wanted = [each for each in found if role in {"", each.role} and name in {"", each.name}]
+        return [each for each in wanted if not each.bridged or each.zid in bridges]
+
+    @property
+    def bridged(self) -> bool:
+        """Whether there is a bridge to robots of DDS."""
+        return bool(self._bridges)
+
+    def publisher(self, name: str, kind: str, digest: str = "", *, waits: bool = False) -> Publisher:
         """Return what sends on a topic; ``digest`` is the hash of the type, where it was read from a token.
 
         One that ``waits`` for room on a busy line loses nothing: for threads that nobody waits for. Raises NotConnected
@@ -82,14 +95,22 @@ class Node:
             if (known := self._publishers.get((name, kind, digest))) is not None:
                 return known
             entity = self._entity(wire.PUBLISHER, name, kind, digest)
-            full = self._zenoh.CongestionControl.BLOCK if waits else self._zenoh.CongestionControl.DROP
-            try:
-                declared = self._session.declare_publisher(entity.key, congestion_control=full, express=True)
-            except self._zenoh.ZError as error:
-                raise NotConnected(f"ros2: {name}: the session of Zenoh has gone: {error}") from error
-            self._publishers[name, kind, digest] = made = Publisher(declared, entity, self.attach)
-        self._token(entity)
+            declared = self._declare_publisher(entity, waits=waits)
+            attach = None if entity.bridged else self.attach
+            self._publishers[name, kind, digest] = made = Publisher(declared, entity, attach)
+            if not digest:  # for whoever hears it, also behind a bridge
+                behind = self._declare_publisher(replace(entity, digest=wire.BRIDGE), waits=waits)
+                made.mirror_to(behind, lambda: self.bridged)
+        if not entity.bridged:
+            self._token(entity)
         return made
+
+    def _declare_publisher(self, entity: Entity, *, waits: bool) -> Any:
+        full = self._zenoh.CongestionControl.BLOCK if waits else self._zenoh.CongestionControl.DROP
+        try:
+            return self._session.declare_publisher(entity.key, congestion_control=full, express=True)
+        except self._zenoh.ZError as error:
+            raise NotConnected(f"ros2: {entity.name}: the session of Zenoh has gone: {error}") from error
 
     def subscribe(self, name: str, kinds: Iterable[str], heard: Heard, owner: object = None) -> list[Sieve]:
         """Hear a topic that comes with one of these types, whatever their hashes; return what counts its messages.
@@ -97,23 +118,28 @@ class Node:
         Of a topic that is latched, what was sent before comes too. Until the node closes, or ``forget`` is called for
         its ``owner``.
         """
-        sieves, latched = [], self.latched(name)
-        for kind in kinds:
+        sieves, latched, known = [], self.latched(name), tuple(kinds)
+        for kind in known:
             with self._lock:
                 entity = self._entity(wire.SUBSCRIBER, name, kind, "", wire.LATCHED if latched else wire.QOS)
             self._token(entity, owner)
             sieve = Sieve()
             sieves.append(sieve)
             key, take = wire.key(self.domain, name, wire.dds(kind)), self._heard(name, kind, sieve, heard)
-            self._keep(self._listen(key, take) if latched else self._session.declare_subscriber(key, take), owner)
+            self._keep(self._listen(key, take, latched=latched), owner)
+        sieves.append(Sieve())
+        behind = self._heard_behind(name, known, sieves[-1], heard)
+        self._keep(self._listen(name.strip("/"), behind, latched=latched), owner)
         return sieves
 
     def latched(self, name: str) -> bool:
         """Whether who sends on a topic keeps its last messages for who comes later."""
         return any(each.latched for each in self.entities(wire.PUBLISHER, name))
 
-    def _listen(self, key: str, take: Callable[["zenoh.Sample"], None]) -> Any:
-        """Listen, and ask the caches of those that send for what they have kept, also of those that come later."""
+    def _listen(self, key: str, take: Callable[["zenoh.Sample"], None], *, latched: bool) -> Any:
+        """Listen; if ``latched``, ask the caches of those that send for what they have kept, also of later ones."""
+        if not latched:
+            return self._session.declare_subscriber(key, take)
         from zenoh import ext  # noqa: PLC0415 - an extra
 
         history = ext.HistoryConfig(detect_late_publishers=True)
@@ -126,14 +152,16 @@ class Node:
         """
         with self._lock:
             self._numbers += 1
-            attached = self.attach(self._numbers, _gid())
-        once = _Once(replied)
+            attached = None if server.bridged else self.attach(self._numbers, new_gid())
+        # Those of a bridge are not complete.
+        target = self._zenoh.QueryTarget.BEST_MATCHING if server.bridged else self._zenoh.QueryTarget.ALL_COMPLETE
+        once = FirstReply(replied)
         handler = self._zenoh.handlers.Callback(once.reply, once.end)
         try:
             self._session.get(
                 server.key,
                 handler,
-                target=self._zenoh.QueryTarget.ALL_COMPLETE,
+                target=target,
                 consolidation=self._zenoh.ConsolidationMode.NONE,
                 timeout=patience,
                 payload=payload,
@@ -149,20 +177,24 @@ class Node:
 
         def take(query: "zenoh.Query") -> None:
             told = self._attached(query.attachment)
-            if told is None or query.payload is None:
+            if query.payload is None or (told is None and str(query.key_expr) != behind):
                 query.drop()  # type: ignore[no-untyped-call]
                 return
 
             def answer(payload: bytes) -> None:
                 with query:
-                    attached = self.attach(told.number, told.gid)
+                    attached = None if told is None else self.attach(told.number, told.gid)
                     query.reply(query.key_expr, payload, attachment=attached)
 
             asked(bytes(query.payload), answer)
 
         key = wire.key(self.domain, name, wire.dds(kind))  # whatever hash: who built the type otherwise is told by CDR
-        self._keep(self._session.declare_queryable(key, take, complete=True))
+        behind = name.strip("/")
+        for each in (key, behind):
+            self._keep(self._session.declare_queryable(each, take, complete=True))
         self._token(entity)
+        if (announced := bridge.service_token(self._zid, name, kind)) is not None:
+            self._keep(self._session.liveliness().declare_token(announced))
 
     def forget(self, owner: object) -> None:
         """Take back what was declared for an owner."""
@@ -213,15 +245,41 @@ class Node:
 
     def _seen(self, sample: "zenoh.Sample") -> None:
         token = str(sample.key_expr)
-        found = wire.entity(token)
-        if found is None or found.zid == self._zid:
+        own = wire.entity(token)
+        found = bridge.entities(token) if own is None else [own]
+        if not found or found[0].zid == self._zid:
             return
         with self._lock:
             if sample.kind == self._zenoh.SampleKind.PUT:
                 self._found[token] = found
             else:
                 self._found.pop(token, None)
+            first = [each[0] for each in self._found.values()]
+            nodes = {each.zid for each in first if not each.bridged}
+            self._bridges = frozenset(each.zid for each in first if each.bridged) - nodes
             self.version += 1
+
+    def _heard_behind(
+        self, name: str, kinds: tuple[str, ...], sieve: Sieve, heard: Heard
+    ) -> Callable[["zenoh.Sample"], None]:
+        """Return what takes the messages of a topic from a bridge, whose type its token says."""
+
+        def take(sample: "zenoh.Sample") -> None:
+            senders = self.entities(wire.PUBLISHER, name)
+            known = [each.kind for each in senders if each.bridged and each.kind in kinds]
+            if not senders and len(kinds) == 1:  # a message may overtake the token
+                known = [kinds[0]]
+            payload, now = bytes(sample.payload), self._clock.now()
+            if known and sieve.passes(Attachment(sieve.count + 1, self._sent_at(sample, known[0], payload), b""), now):
+                heard(known[0], payload)
+
+        return take
+
+    def _sent_at(self, sample: "zenoh.Sample", kind: str, payload: bytes) -> int:
+        """Return when a message of a bridge was sent, in ns: as its router says, else its header; 0 if unknown."""
+        if sample.timestamp is not None:
+            return round(sample.timestamp.get_time().timestamp() * 1e9)
+        return types().stamp(kind, payload)
 
     def _heard(self, name: str, kind: str, sieve: Sieve, heard: Heard) -> Callable[["zenoh.Sample"], None]:
         def take(sample: "zenoh.Sample") -> None:
@@ -232,48 +290,3 @@ class Node:
                 heard(kind, bytes(sample.payload))
 
         return take
-
-
-class Publisher:
-    """Sends on one topic, numbered and stamped. ``entity`` is what its token tells of it."""
-
-    def __init__(self, declared: Any, entity: Entity, attach: Callable[[int, bytes], bytes]) -> None:
-        self._declared, self.entity, self._attach = declared, entity, attach
-        self._lock = Lock()
-        self._number = 0
-        self._gid = _gid()
-
-    def send(self, payload: bytes) -> None:
-        """Send a message; what cannot go out now is dropped, unless it waits. Raises NotConnected without a session."""
-        from zenoh import ZError  # noqa: PLC0415 - an extra
-
-        try:
-            with self._lock:
-                self._number += 1
-                self._declared.put(payload, attachment=self._attach(self._number, self._gid))
-        except ZError as error:
-            raise NotConnected(f"ros2: {self.entity.name}: the session of Zenoh has gone: {error}") from error
-
-
-class _Once:
-    """Tells the first reply alone, and the end where none came."""
-
-    def __init__(self, replied: Replied) -> None:
-        self._replied: Replied | None = replied
-        self._lock = Lock()
-
-    def reply(self, reply: "zenoh.Reply") -> None:
-        self._tell(bytes(reply.ok.payload) if reply.ok is not None else None)
-
-    def end(self) -> None:
-        self._tell(None)
-
-    def _tell(self, payload: bytes | None) -> None:
-        with self._lock:
-            replied, self._replied = self._replied, None
-        if replied is not None:
-            replied(payload)
-
-
-def _gid() -> bytes:
-    return secrets.token_bytes(16)

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 LEASE = 2000
 """Milliseconds of silence after which the other end gives this session up, and its tokens go."""
 
-OFFERED = "start a router: `ros2 run rmw_zenoh_cpp rmw_zenohd` on the robot; then look at 'router' in the robot file"
+OFFERED = (
+    "start a router: `ros2 run rmw_zenoh_cpp rmw_zenohd` on the robot, or `zenoh-bridge-ros2dds` for one of DDS; "
+    "then look at 'router' in the robot file"
+)
 
 
 @dataclass(frozen=True, slots=True)

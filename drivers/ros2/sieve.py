@@ -29,11 +29,11 @@ class _Sender:
 class Sieve:
     """Says of each message of one topic whether it counts; ``late`` and ``doubled`` count those that do not.
 
-    Not safe between threads: Zenoh calls a subscriber from one at a time.
+    ``count`` is the number of all. Not safe between threads: Zenoh calls a subscriber from one at a time.
     """
 
     def __init__(self) -> None:
-        self.late = self.doubled = 0
+        self.late = self.doubled = self.count = 0
         self._senders: dict[bytes, _Sender] = {}
 
     def senders(self, now: float) -> int:
@@ -42,6 +42,7 @@ class Sieve:
 
     def passes(self, told: Attachment, now: float) -> bool:
         """Whether a message with this attachment counts that has arrived at time ``now``."""
+        self.count += 1
         shift = now - told.sent / 1e9  # two clocks: only differences count
         known = self._senders.get(told.gid)
         if known is None:

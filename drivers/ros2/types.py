@@ -5,7 +5,7 @@ Loading takes a tenth of a second, and the first message of a type some millisec
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from rosbags.interfaces import Nodetype
@@ -121,6 +121,15 @@ class Types:
         except Exception as error:  # bytes from outside: whatever they bring about is their fault
             begin = f" that begin {payload[:8].hex(' ')}" if payload else ""
             raise Malformed(f"expected {name}, got {len(payload)} bytes{begin}: {error}") from error
+
+    def stamp(self, name: str, payload: bytes) -> int:
+        """Return the time in the header of a message (ns), without decoding the rest; 0 for a type without one."""
+        fields = self._store.fielddefs[self._known(name)][1]
+        if fields[0][1] != (Nodetype.NAME, "std_msgs/msg/Header") or len(payload) < 12:
+            return 0
+        order: Literal["little", "big"] = "little" if payload[1] else "big"
+        seconds, rest = (int.from_bytes(payload[at : at + 4], order) for at in (4, 8))
+        return seconds * 10**9 + rest
 
     def values(self, message: object, depth: int = _DEEPEST) -> Any:
         """Return a message in plain values, as JSON has them; of long arrays the beginning."""

@@ -13,6 +13,15 @@ ADMIN = "@ros2_lv"
 PUBLISHER, SUBSCRIBER, SERVER, CLIENT, NODE = "MP", "MS", "SS", "SC", "NN"
 """The kinds of entities, as tokens have them."""
 
+FEEDBACK, STATUS = "_action/feedback", "_action/status"
+SEND, RESULT, CANCEL = "_action/send_goal", "_action/get_result", "_action/cancel_goal"
+"""The five end points of an action, after its name."""
+
+CANCEL_KIND = "action_msgs/srv/CancelGoal"
+
+BRIDGE = "zenoh-bridge-ros2dds"
+"""What stands for the node, and for the hash of a type, of an entity behind a bridge: see ``drivers.ros2.bridge``."""
+
 QOS = "::,10:,:,:,,"
 """Reliable, volatile, the last ten kept: what rclcpp calls its default."""
 
@@ -105,8 +114,15 @@ class Entity:
         return self.qos.split(":")[1:2] == ["1"]
 
     @property
+    def bridged(self) -> bool:
+        """Whether it is behind a bridge to DDS."""
+        return self.digest == BRIDGE
+
+    @property
     def key(self) -> str:
         """The key on which it sends or listens."""
+        if self.bridged:
+            return self.name.strip("/")
         return key(self.domain, self.name, dds(self.kind), self.digest)
 
 

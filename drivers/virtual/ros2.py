@@ -19,7 +19,8 @@ from drivers.ros2.declared import (
     ZenohKeys,
 )
 from drivers.ros2.make import domain_of, joints_of_arm, joints_of_head, topics_of
-from drivers.ros2.node import Node, Publisher
+from drivers.ros2.node import Node
+from drivers.ros2.publisher import Publisher
 from drivers.ros2.session import Access, open_session
 from drivers.sim.backup_limit import BackupLimit
 from drivers.sim.render import Renderer

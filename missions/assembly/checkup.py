@@ -75,6 +75,12 @@ def check_robot(
                 yield Checked(part, replace(finding, cure=cure.replace("PORT", named[part])))
 
 
+def check_part(section: Section, machine: Machine, clock: Clock) -> Iterator[Finding]:
+    """Yield what is found of one part that is plugged into nothing, such as the nodes of ROS 2."""
+    yield from _extra(section)
+    yield from _part(section, "", {}, machine, clock, resets=False)
+
+
 def _extra(section: Section) -> Iterator[Finding]:
     """Look whether what a driver wants besides is installed; a voice does without."""
     wanted = section.driver.extra

@@ -2,20 +2,29 @@
 
 import json
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from threading import Event
 
 import click
 
+from config.defaults import load_defaults
+from config.faults import InvalidFileError
+from config.library import MINE, UnknownNameError
+from config.library import find as find_file
+from config.robot import Section
+from drivers.api.findings import Finding
 from drivers.clock import SystemClock
 from drivers.finding.asking import Heard, drivers_that_probe
 from drivers.finding.machine import Machine
 from drivers.finding.serial_ports import SerialPort, Trouble
 from drivers.finding.survey import Desk, Plug, asker, survey
+from missions.assembly.checkup import check_part
 from missions.cli.keys import interruptible
+from missions.cli.names import ROBOT
 from missions.cli.root import FAILURE, SUCCESS
-from missions.library.drivers import Table
+from missions.library.drivers import Table, load_robot
 
 LOOK_EVERY = 0.3
 """Seconds between two looks while somebody plugs."""
@@ -39,14 +48,19 @@ root_option = click.option(
 @click.option("--find", is_flag=True, help="Find out which is which: unplug it, and plug it in again.")
 @click.option("--watch", is_flag=True, help="Go on, and say what is plugged in and out, until Ctrl-C.")
 @click.option("--json", "as_json", is_flag=True, help="As one line of JSON; with --watch a line at each change.")
+@click.option("--robot", type=ROBOT, help="Whose router of ROS 2 is asked too; else this computer's own robot.")
 @root_option
-def command(no_ask: bool, consented: tuple[str, ...], find: bool, watch: bool, as_json: bool, root: Path) -> int:
+def command(
+    no_ask: bool, consented: tuple[str, ...], find: bool, watch: bool, as_json: bool, robot: str | None, root: Path
+) -> int:
     """Say what is plugged in: serial ports, cameras, sound, game pads; and which device answers on a port.
 
     Ports are asked politely: a Kobuki is only listened to, servos are pinged; nothing moves, nothing is written. A port
-    that another program has open is left alone. Exit code 1 where something is in the way.
+    that another program has open is left alone. Exit code 1 where something is in the way. For a robot of ROS 2 it is
+    said whether its nodes speak by rmw_zenoh or by a bridge from DDS.
     """
     machine = Machine(root)
+    ros2 = _section_of_ros2(robot, own=root == Path("/"))
 
     def pause() -> None:
         Event().wait(LOOK_EVERY)
@@ -59,10 +73,36 @@ def command(no_ask: bool, consented: tuple[str, ...], find: bool, watch: bool, a
         for consent in consented:
             if not any(consent in _names(plug.port) for plug in desk.plugs):
                 raise click.UsageError(f"--ask {consent}: no such serial port; `mission ports --no-ask` lists them")
-        click.echo(json.dumps(as_data(desk)) if as_json else "\n".join(lines(desk)))
+        nodes = [] if ros2 is None or no_ask else list(check_part(ros2, machine, SystemClock()))
+        if as_json:
+            click.echo(json.dumps(as_data(desk) | {"ros2": [asdict(each) for each in nodes]}))
+        else:
+            click.echo("\n".join([*lines(desk), *_lines_of_ros2(nodes)]))
         if watch:
             watch_desk(machine, desk, lambda: survey(machine, ask), pause, as_json=as_json)
-    return FAILURE if any(in_the_way(desk)) else SUCCESS
+    ailing = any(each.verdict == "wrong" for each in nodes)
+    return FAILURE if ailing or any(in_the_way(desk)) else SUCCESS
+
+
+def _section_of_ros2(robot: str | None, *, own: bool) -> Section | None:
+    """Return the ros2 section of the robot that is named, else of this computer's ``own``; None where it has none.
+
+    Raises InvalidFileError and UnknownNameError for one that is named.
+    """
+    if robot is not None:
+        return load_robot(find_file("robots", robot)).sections.get("ros2")
+    with suppress(InvalidFileError, UnknownNameError):
+        if own and load_defaults().robot:
+            return load_robot(find_file("robots", MINE)).sections.get("ros2")
+    return None
+
+
+def _lines_of_ros2(found: list[Finding]) -> Iterator[str]:
+    """Yield how the nodes of a robot of ROS 2 speak, in words."""
+    for each in found:
+        yield f"ROS 2 {each.about}  {each.what}"
+        if each.cure:
+            yield f"  try: {each.cure}"
 
 
 def lines(desk: Desk) -> Iterator[str]:

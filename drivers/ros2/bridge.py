@@ -1,0 +1,66 @@
+"""ROS 2 as zenoh-bridge-ros2dds has it: robots that speak DDS (TurtleBot 4, Create 3, Humble, micro-ROS) over Zenoh.
+
+A key is the name without its first "/": no domain, no type, no hash. Payloads are CDR; nothing is attached. What there
+is, the bridge says by tokens. See README.md and src/liveliness_mgt.rs of eclipse-zenoh/zenoh-plugin-ros2dds. Nothing
+here opens anything.
+"""
+
+from drivers.ros2 import wire
+from drivers.ros2.wire import BRIDGE, CANCEL, CANCEL_KIND, FEEDBACK, RESULT, SEND, STATUS, Entity
+
+TOKENS = "@/*/@ros2_lv/**"
+"""The keys of the tokens of all bridges; a bridge itself has one that ends with @ros2_lv."""
+
+ACTION_SERVER, ACTION_CLIENT = "AS", "AC"
+"""The kinds of entities that rmw_zenoh does not have: an action is one entity."""
+
+_SLASH = "§"
+_TRANSIENT_LOCAL = "1"
+_ROLES = {wire.PUBLISHER, wire.SUBSCRIBER, wire.SERVER, wire.CLIENT, ACTION_SERVER, ACTION_CLIENT}
+
+
+def service_token(zid: str, name: str, kind: str) -> str | None:
+    """Return the token by which the session ``zid`` offers a service to robots behind bridges.
+
+    An action has one for all of its end points, which goes with that of goals; None for the others.
+    """
+    action, part, end = name.rpartition("/_action/")
+    role = wire.SERVER
+    if part:
+        if end != SEND.rpartition("/")[2]:
+            return None
+        role, name, kind = ACTION_SERVER, action, kind.removesuffix("_SendGoal")
+    return f"@/{zid}/@ros2_lv/{role}/{name.strip('/').replace('/', _SLASH)}/{kind.replace('/', _SLASH)}"
+
+
+def entities(key: str) -> list[Entity]:
+    """Return what a token tells of, the end points of an action one by one; nothing for one that is not understood."""
+    parts = key.split("/")
+    if len(parts) < 3 or parts[0] != "@" or parts[2] != wire.ADMIN:
+        return []
+    zid, told = parts[1], parts[3:]
+    if not told:
+        return [_entity(wire.NODE, zid)]
+    if len(told) < 3 or told[0] not in _ROLES:
+        return []
+    role, name, kind = told[0], "/" + told[1].replace(_SLASH, "/"), told[2].replace(_SLASH, "/")
+    if not wire.is_name(name) or kind.count("/") != 2:
+        return []
+    if role in (ACTION_SERVER, ACTION_CLIENT):
+        return _of_action(zid, name, kind, serves=role == ACTION_SERVER)
+    durability = "/".join(told[3:]).split(":")[2:3]
+    return [_entity(role, zid, name, kind, wire.LATCHED if durability == [_TRANSIENT_LOCAL] else wire.QOS)]
+
+
+def _of_action(zid: str, name: str, kind: str, *, serves: bool) -> list[Entity]:
+    services = {SEND: f"{kind}_SendGoal", RESULT: f"{kind}_GetResult", CANCEL: CANCEL_KIND}
+    topics = {FEEDBACK: f"{kind}_FeedbackMessage", STATUS: "action_msgs/msg/GoalStatusArray"}
+    asked, heard = (wire.SERVER, wire.PUBLISHER) if serves else (wire.CLIENT, wire.SUBSCRIBER)
+    return [
+        *(_entity(asked, zid, f"{name}/{part}", of) for part, of in services.items()),
+        *(_entity(heard, zid, f"{name}/{part}", of) for part, of in topics.items()),
+    ]
+
+
+def _entity(role: str, zid: str, name: str = "", kind: str = "", qos: str = "") -> Entity:
+    return Entity(role, 0, zid, "0", "0", BRIDGE, "", name, kind, BRIDGE, qos)
