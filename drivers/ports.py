@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING
 
 import serial
 
+from drivers.access import explain_denied
 from drivers.errors import NotConnected
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-LISTED = "ls -l /dev/serial/by-id  (what is plugged in; or run with --simulate)"
+LISTED = "mission ports  (what is plugged in, and what answers there; or run with --simulate)"
 """What to type where a port is not what it should be."""
 
 _KINDS = {
@@ -179,11 +180,8 @@ def explain(who: str, port: str, error: BaseException) -> NotConnected:
             hint=LISTED,
         )
     if number == errno.EACCES:
-        group = _group_of(port)
-        return NotConnected(
-            f"{who}: {port}: no permission (it belongs to group {group})",
-            hint=f"sudo usermod -a -G {group} $USER  (then log in again)",
-        )
+        what, hint = explain_denied(Path(port))
+        return NotConnected(f"{who}: {port}: {what}", hint=hint)
     if number in (errno.EAGAIN, errno.EBUSY):
         return NotConnected(f"{who}: {port}: in use{_holders(port)}", hint=f"fuser -v {port}  (who holds it)")
     what = str(error).removeprefix(f"{who}: {port}: ")  # which opening it may have said
@@ -195,13 +193,6 @@ def _errno_of(error: BaseException) -> int | None:
     if isinstance(error, OSError) and error.errno is not None:
         return error.errno
     return _errno_of(error.__context__) if error.__context__ is not None else None
-
-
-def _group_of(port: str) -> str:
-    try:
-        return Path(port).group()
-    except (OSError, KeyError):
-        return "dialout"
 
 
 def _holders(port: str) -> str:

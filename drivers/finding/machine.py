@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from drivers.access import explain_denied
+
 LARGEST = 4096
 """Bytes that are read of a file: files of /sys are at most a page."""
 
@@ -84,12 +86,9 @@ class Machine:
         shift = 6 if status.st_uid == self.uid else 3 if status.st_gid in self.groups else 0
         return (status.st_mode >> shift) & (stat.S_IROTH | stat.S_IWOTH) == stat.S_IROTH | stat.S_IWOTH
 
-    def group(self, path: str) -> str:
-        """Return the group that a device belongs to."""
-        try:
-            return self.at(path).group()
-        except (OSError, KeyError):
-            return "dialout"
+    def explain_denied(self, path: str) -> tuple[str, str]:
+        """Return why the user may not open a device, and the next command to type."""
+        return explain_denied(self.at(path), path, self.groups)
 
     def processes(self) -> Iterator[Process]:
         """Yield the programs that run."""

@@ -56,9 +56,7 @@ def cameras(machine: Machine, ioctl: Ioctl = fcntl.ioctl) -> list[CameraFound]:
         usb = usb_of(machine, f"/sys/class/video4linux/{device.path.name}/device")
         trouble = Trouble(device.trouble, f"ls -l {path}") if device.trouble else None
         if machine.may_open(path) is False:
-            group = machine.group(path)
-            what = f"no permission: it belongs to group {group}, which you are not in"
-            trouble = Trouble(what, f"sudo usermod -a -G {group} $USER  (then log in again)")
+            trouble = Trouble(*machine.explain_denied(path))
         elif held:
             trouble = Trouble(f"in use by {', '.join(map(str, held))}", f"end that program, or: fuser -v {path}")
         found.append(CameraFound(path, device.name, device.sizes, usb, held, trouble))
@@ -86,7 +84,6 @@ def pads(machine: Machine) -> list[PadFound]:
         event = _EVENT.search(block)
         if _JOYSTICK.search(block) and event:
             path, name = f"/dev/input/{event[0]}", re.search(r'^N: Name="(.*)"$', block, re.MULTILINE)
-            group = machine.group(path)
-            denied = Trouble(f"no permission: it belongs to group {group}", f"sudo usermod -a -G {group} $USER")
-            found.append(PadFound(path, name[1] if name else path, None if machine.may_open(path) else denied))
+            denied = None if machine.may_open(path) else Trouble(*machine.explain_denied(path))
+            found.append(PadFound(path, name[1] if name else path, denied))
     return found

@@ -133,11 +133,7 @@ def _shut(machine: Machine, path: str, holders: tuple[Process, ...]) -> Trouble 
     if machine.may_open(path) is None:
         return Trouble("the kernel has it, but there is no such device in /dev", "sudo udevadm trigger")
     if not machine.may_open(path):
-        group = machine.group(path)
-        if group == "root":
-            return Trouble("no permission: it belongs to root alone", "mission udev  (rules that give the right to it)")
-        what = f"no permission: it belongs to group {group}, which you are not in"
-        return Trouble(what, f"sudo usermod -a -G {group} $USER  (then log in again)")
+        return Trouble(*machine.explain_denied(path))
     return None
 
 

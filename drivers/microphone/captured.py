@@ -9,6 +9,7 @@ import numpy as np
 from drivers.api import DeviceStatus, Health, Report, ignore
 from drivers.api.sensors import SOUND_RATE, Sound
 from drivers.clock import Clock
+from drivers.extras import extra_hint
 from drivers.guard import guarded
 from drivers.pipe import Message, Worker
 
@@ -25,7 +26,6 @@ HANGS = 10.0
 """Seconds without sound after which the program that records is killed, unless it has ended itself."""
 
 PROGRAM = Path(__file__).with_name("capture_worker.py")
-HINT = "`arecord -l` lists microphones; `pip install 'missiontree[listen]'` installs what records"
 
 
 class CapturedMicrophone:
@@ -47,7 +47,8 @@ class CapturedMicrophone:
     ) -> None:
         self._clock = clock
         self._report = guarded(report)
-        self._worker = Worker(self.name, PROGRAM, clock, arguments=(device, backend), hint=HINT, report=report)
+        self._hint = extra_hint("listen", "`arecord -l` lists microphones")
+        self._worker = Worker(self.name, PROGRAM, clock, arguments=(device, backend), hint=self._hint, report=report)
         self._lock = Lock()  # over all below
         self._kept: deque[Sound] = deque()
         self._pieces = self._gaps = 0
@@ -77,7 +78,7 @@ class CapturedMicrophone:
         if not state.online:
             return Health(False, state.detail, state.hint, counters)
         if newest is None or self._clock.now() - newest > SILENCE:
-            return Health(False, f"{self.name}: no sound arrives", HINT, counters)
+            return Health(False, f"{self.name}: no sound arrives", self._hint, counters)
         return Health(True, counters=counters)
 
     def read(self, after: int) -> list[Sound]:

@@ -10,6 +10,7 @@ from contextlib import suppress
 from typing import Any
 
 from drivers.errors import NotConnected
+from drivers.extras import extra_hint
 from drivers.ports import Lost
 
 COMMAND = (sys.executable, "-I", "-W", "ignore", "-m", "drivers.pi_car.guardian")
@@ -21,7 +22,10 @@ ENDS = 1.0
 PAUSES = 8
 """How often none is started after one that has ended with words: every 5 s or so, one tries anew."""
 
-CURE = "pip install 'missiontree[pi]'; sudo raspi-config (I2C on); i2cdetect -y 1; does another program use the pins?"
+
+def cure() -> str:
+    """Return what to try where no guardian can hold the pins."""
+    return extra_hint("pi", "sudo raspi-config (I2C on)", "i2cdetect -y 1", "does another program use the pins?")
 
 
 class Guarded:
@@ -39,7 +43,7 @@ class Guarded:
         """Start one. Raises NotConnected, also for a while after one that could not do its work."""
         if self._pauses > 0:
             self._pauses -= 1
-            raise NotConnected(f"{who}: {port}: {self.words}", hint=CURE)
+            raise NotConnected(f"{who}: {port}: {self.words}", hint=cure())
         try:
             return Guardian(self._command, self._heard)
         except OSError as error:
@@ -79,7 +83,7 @@ class Guardian:
             return b""
         data = os.read(self._out.fileno(), 4096)
         if not data:
-            raise Lost(self._words or "the process that holds the pins has ended", CURE)
+            raise Lost(self._words or "the process that holds the pins has ended", cure())
         if data.startswith(b"! "):  # written whole, as its last words
             self._words = data[2:].decode("utf-8", "replace").strip()
         self._heard(self._words)
@@ -92,7 +96,7 @@ class Guardian:
         except BrokenPipeError:
             return  # it has ended: what it has said about that is read first
         if not whole:
-            raise Lost("the process that holds the pins reads nothing", CURE)
+            raise Lost("the process that holds the pins reads nothing", cure())
 
     def set_dtr(self, *, on: bool) -> None:
         """Do nothing: a pipe has no such line."""

@@ -11,7 +11,7 @@ from drivers.keeper.base import KeeperBase
 from drivers.keeper.head import KeeperHead
 from drivers.link import Link, dial
 from drivers.pi_car.declared import MotorKeys, PiCarKeys, PiHeadKeys
-from drivers.pi_car.dial import CURE, Guarded
+from drivers.pi_car.dial import Guarded, cure
 
 
 def base(keys: PiCarKeys, site: Site) -> KeeperBase:
@@ -23,7 +23,7 @@ def base(keys: PiCarKeys, site: Site) -> KeeperBase:
         track=keys.track,
         speed_at_full=keys.speed_at_full,
         why=lambda: dials.words,
-        cure=CURE,
+        cure=cure(),
         **settings_of(keys, site),
     )
 
@@ -43,7 +43,7 @@ def head(keys: PiHeadKeys, site: Site) -> KeeperHead:
         report=site.report,
         name=site.part,
         why=lambda: dials.words,
-        cure=CURE,
+        cure=cure(),
     )
 
 

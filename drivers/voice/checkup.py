@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from drivers.api.driver import Site
 from drivers.api.findings import Finding, warning
+from drivers.extras import extra_hint
 from drivers.voice.declared import SpeechKeys
 from drivers.voice.make import auto
 from drivers.voice.printed import PrintedVoice
@@ -12,7 +13,7 @@ from drivers.voice.printed import PrintedVoice
 def checkup(keys: SpeechKeys, site: Site) -> Iterator[Finding]:
     """Look for what speaks."""
     if isinstance(auto(keys, site), PrintedVoice):
-        cure = "pip install 'missiontree[speak]'  (or: sudo apt install espeak-ng)"
+        cure = extra_hint("speak", "sudo apt install espeak-ng")
         yield warning("synthesiser", "there is none: what the robot says is printed", cure)
     else:
         yield Finding("synthesiser", "there is one")

@@ -7,6 +7,7 @@ from typing import Protocol
 from drivers.api import DeviceStatus, Manner, Report, ignore
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, NoReply
+from drivers.extras import extra_hint
 from drivers.pipe import Message, Worker
 from drivers.voice.cut import Cut
 from drivers.voice.manner import WORDS_PER_MINUTE, espeak_name, longest
@@ -15,7 +16,6 @@ from drivers.voice.program import run
 from drivers.voice.protocol import Speech, request, speech
 
 PROGRAM = Path(__file__).with_name("espeak_worker.py")
-HINT = "`pip install 'missiontree[speak]'` installs espeak-ng; `driver: print` speaks without"
 
 THINKING = 3.0
 """Seconds that the synthesiser may take for a text, and one more for each 1000 letters: it needs a tenth of that."""
@@ -56,8 +56,9 @@ class Espeak(Partner):
     speaks_itself = False
 
     def __init__(self, clock: Clock, *, usual: Manner, report: Report = ignore, name: str = "voice") -> None:
-        worker = Worker(name, PROGRAM, clock, hint=HINT, report=report)
-        super().__init__(worker, clock, report=report, hint=HINT)
+        hint = extra_hint("speak", "`driver: print` speaks without espeak-ng")
+        worker = Worker(name, PROGRAM, clock, hint=hint, report=report)
+        super().__init__(worker, clock, report=report, hint=hint)
         self._usual = espeak_name(usual)
         self._number = 0
         self._answer: tuple[Message, bytes] | None = None

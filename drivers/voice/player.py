@@ -6,13 +6,13 @@ from pathlib import Path
 from drivers.api import DeviceStatus, Report, ignore
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NoReply
+from drivers.extras import extra_hint
 from drivers.pipe import Message, Worker
 from drivers.voice.cut import Cut
 from drivers.voice.partner import Partner
 from drivers.voice.protocol import Speech, pieces
 
 PROGRAM = Path(__file__).with_name("sound_worker.py")
-HINT = "`pip install 'missiontree[speak]'` installs what plays; `aplay -l` lists sound cards"
 
 QUIET = 0.06
 """Seconds after which a player that was told to stop is killed: so that it is silent within a tenth of a second."""
@@ -43,8 +43,10 @@ class Player(Partner):
         backend: str = "",
         report: Report = ignore,
     ) -> None:
-        worker = Worker("voice", PROGRAM, clock, arguments=(device, backend, str(volume)), hint=HINT, report=report)
-        super().__init__(worker, clock, report=report, hint=HINT)
+        self.hint = extra_hint("speak", "`aplay -l` lists sound cards")
+        arguments = (device, backend, str(volume))
+        worker = Worker("voice", PROGRAM, clock, arguments=arguments, hint=self.hint, report=report)
+        super().__init__(worker, clock, report=report, hint=self.hint)
         self.mute = ""
         self._number = 0  # of the sound below
         self._begun: float | None = None

@@ -20,7 +20,7 @@ from drivers.guard import guarded
 from drivers.voice.cut import Cut
 from drivers.voice.engines import Engine
 from drivers.voice.manner import filled, seconds_of
-from drivers.voice.player import HINT, Player
+from drivers.voice.player import Player
 from drivers.voice.sounds import checked, length_of
 from drivers.voice.spoken import SpokenWords, Turns, movement
 
@@ -101,7 +101,7 @@ class SpeechVoice:
             if broken:
                 return Health(False, broken, "until then it prints what it would say", counters)
             mute = self._player.mute
-            trouble = (mute, HINT) if mute else self._trouble
+            trouble = (mute, self._player.hint) if mute else self._trouble
             return Health(True, *trouble, counters=counters)
 
     def say(self, text: str, manner: Manner = AS_USUAL, priority: Priority = Priority.NORMAL) -> Utterance:

@@ -13,11 +13,11 @@ from drivers.api.findings import Finding, wrong
 from drivers.api.sections import Wired
 from drivers.clock import Clock
 from drivers.errors import DriverError
+from drivers.extras import extras, lacking
 from drivers.finding.asking import look
 from drivers.finding.machine import Machine
 from drivers.finding.serial_ports import SerialPort, serial_ports
 from drivers.finding.usb import ADAPTERS
-from missions.assembly.installed import extras, lacking
 from missions.assembly.lags import BASE, CAMERA, kept
 from missions.library.folders import state_folder
 

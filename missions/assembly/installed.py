@@ -1,33 +1,11 @@
 """The installed MissionTree: its version, and which of its extras are there."""
 
 import platform
-import re
-from collections.abc import Iterable, Iterator
-from importlib.metadata import PackageNotFoundError, requires, version
+from collections.abc import Iterator
+from importlib.metadata import version
 
 from drivers.api.findings import Finding, wrong
-
-OURS = "missiontree"
-
-_NEED = re.compile(r"^([\w.-]+)[^;]*(?:;.*extra == ['\"]([\w-]+)['\"])?")
-
-FOR_DEVELOPERS = "dev"
-
-
-def extras() -> dict[str, list[str]]:
-    """Return the distributions that each extra asks for on this machine; those always needed under an empty name."""
-    found: dict[str, list[str]] = {}
-    for need in requires(OURS) or ():
-        match = _NEED.match(need)
-        elsewhere = "platform_machine" in need and platform.machine() not in need
-        if match is not None and match[2] != FOR_DEVELOPERS and not elsewhere:
-            found.setdefault(match[2] or "", []).append(match[1])
-    return found
-
-
-def lacking(names: Iterable[str]) -> list[str]:
-    """Return those of some distributions that are not installed."""
-    return [name for name in names if not _there(name)]
+from drivers.extras import OURS, extras, lacking
 
 
 def installation() -> Iterator[Finding]:
@@ -42,11 +20,3 @@ def installation() -> Iterator[Finding]:
     rest = ", ".join(extra for extra, whole in there.items() if not whole)
     cure = f"pip install 'missiontree[{rest.split(', ')[0]}]'  (and so on, where you need it)" if rest else ""
     yield Finding("extras", f"{have}" + (f"; not installed: {rest}" if rest else ""), cure=cure)
-
-
-def _there(name: str) -> bool:
-    try:
-        version(name)
-    except PackageNotFoundError:
-        return False
-    return True

@@ -9,6 +9,7 @@ from config.world import WorldConfig
 from drivers.api import DeviceStatus, Health, Manner, Report, Voice
 from drivers.api.senses import MicrophoneKeys
 from drivers.clock import Clock
+from drivers.extras import extra_hint
 from drivers.sim.acts import Reply
 from drivers.sim.twins.ears import HearingTwin
 from drivers.virtual.voiced import VoicedMicrophone
@@ -132,7 +133,7 @@ def simulated_hearing(
         )
     )
     why = "people's words come as text: nothing speaks and understands them"
-    report(DeviceStatus("microphone", "fault", why, "`pip install 'missiontree[speak,listen]'` makes sound of them"))
+    report(DeviceStatus("microphone", "fault", why, extra_hint("speak", extra_hint("listen"))))
     return text, text.hear
 
 

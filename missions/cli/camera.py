@@ -7,6 +7,7 @@ import click
 
 from config.editing import NotEditableError
 from config.units import in_dimension
+from drivers.access import explain_denied
 from drivers.camera.devices import list_devices
 from drivers.camera.pictures import pictures
 from drivers.camera.source import Kind, kind_of
@@ -36,8 +37,9 @@ def list_command() -> int:
     for device in devices:
         sizes = " ".join(f"{width}x{height}" for width, height in device.sizes) or device.trouble or "no sizes told"
         click.echo(f"{device.path}  {device.name}  {sizes}")
-    if any("permission" in device.trouble for device in devices):
-        click.echo("  try: sudo usermod -aG video $USER  (then log in again)", err=True)
+    denied = [device.path for device in devices if "permission" in device.trouble]
+    if denied:
+        click.echo(f"  try: {explain_denied(denied[0])[1]}", err=True)
     elif devices:
         number = devices[0].path.name.removeprefix("video")
         click.echo(f"\nTo look through the first: mission run greet --camera {number}")

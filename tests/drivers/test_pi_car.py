@@ -17,7 +17,7 @@ from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from drivers.keeper import wire
 from drivers.pi_car import guardian
-from drivers.pi_car.dial import COMMAND, CURE, Guarded, Guardian
+from drivers.pi_car.dial import COMMAND, Guarded, Guardian, cure
 from drivers.pi_car.guardian import REST_TRIES
 from drivers.pi_car.hands import on_channels, on_pins, servos
 from drivers.pi_car.pca9685 import Pca9685
@@ -371,7 +371,7 @@ def test_a_pi_without_pins_is_told_in_words() -> None:
     finally:
         guardian.close()
     assert said == dials.words == "KeyError: 'enable'"
-    assert "missiontree[pi]" in explain("base", "the guardian", Lost(said, CURE)).hint
+    assert "raspi-config" in explain("base", "the guardian", Lost(said, cure())).hint
     with pytest.raises(NotConnected, match="KeyError: 'enable'"):
         dials("base", "the guardian", wire.BAUD)  # not at once again
     with pytest.raises(NotConnected, match="the guardian"):

@@ -324,7 +324,7 @@ def test_a_program_without_its_library_is_told_once_and_words_are_printed(room: 
     assert room.printed == ["one two three"]
     (notice,) = room.notices
     assert notice.what == "voice: No module named 'espeakng_loader'"
-    assert "missiontree[speak]" in notice.hint
+    assert "driver: print" in notice.hint
     health = room.voice.health()
     assert (health.online, health.detail) == (False, notice.what)
 

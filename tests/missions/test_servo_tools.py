@@ -343,7 +343,7 @@ def test_a_port_that_is_not_there_says_what_to_type(capsys: pytest.CaptureFixtur
     outcome = command(capsys, "servo", "scan", "--port", "/dev/nothing_here")
     assert outcome.code == 3
     assert "/dev/nothing_here: no such device" in outcome.err
-    assert "try: ls -l /dev/serial/by-id" in outcome.err
+    assert "try: mission ports" in outcome.err
 
 
 def test_without_a_robot_all_is_simulated(capsys: pytest.CaptureFixture[str]) -> None:

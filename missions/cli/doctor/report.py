@@ -9,10 +9,10 @@ from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from drivers.extras import extras
 from drivers.finding.machine import Machine
 from drivers.finding.usb import all_usb
 from missions.assembly.checkup import Checked
-from missions.assembly.installed import extras
 
 SHORT = 4
 """Letters that a serial number has at least: shorter ones are words."""

@@ -182,6 +182,6 @@ def _causes(port: str, bauds: Sequence[int]) -> str:
         "the adapter's switch, where it has one, stands on the other kind of bus",
         *more,
         "two servos with one ID disturb each other: plug in one alone",
-        f"{port} is another device: ls -l /dev/serial/by-id",
+        f"{port} is another device: mission ports",
     ]
     return f"no servo answers on {port} at {rates} baud; it may be that\n" + "\n".join(f"  - {each}" for each in causes)
