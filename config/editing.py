@@ -1,9 +1,6 @@
 """Changing one value in a file that people write: all else in it, comments and layout too, stays as it is."""
 
-import errno
-import os
 import re
-import tempfile
 from collections.abc import Mapping as PyMapping
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +9,7 @@ from typing import Any
 from config.faults import InvalidFileError, Mark, Source
 from config.library import HERE
 from config.marked import Listing, Mapping, Node, Scalar, compose
+from config.saving import save_file
 
 _BOM = b"\xef\xbb\xbf"
 _FLOW = re.compile(r"\[[^\[\]{}\"'#]*\]")
@@ -125,43 +123,6 @@ def require_own(path: Path, command: str) -> None:
 
 
 def rewrite(path: Path, text: str) -> None:
-    """Replace the text of a file, as ``put_on_disk``, with the rights and the byte order mark it had.
-
-    Raises OSError.
-    """
-    path = path.resolve()  # a link stays a link
+    """Replace the text of a file, as ``save_file``, with the rights and the byte order mark it had. Raises OSError."""
     mark = _BOM if path.read_bytes().startswith(_BOM) else b""
-    put_on_disk(path, mark + text.encode(), path.stat().st_mode)
-
-
-def put_on_disk(path: Path, data: bytes, mode: int) -> None:
-    """Write a file, whole or not at all, and wait until it is on the disk, where a power cut does not change it.
-
-    Without that wait a power cut may leave an empty file under its name, and the one before is gone. Raises OSError.
-    """
-    number, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:100]}.")
-    try:
-        with os.fdopen(number, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(name).chmod(mode)
-        Path(name).replace(path)
-    except BaseException as error:  # a Ctrl-C too must leave no half of a file beside it
-        Path(name).unlink(missing_ok=True)
-        if isinstance(error, OSError) and error.filename is None:  # a full disk does not say whose it is
-            error.filename = str(path)
-        raise
-    sync_folder(path.parent)
-
-
-def sync_folder(folder: Path) -> None:
-    """Wait until the names of files in a folder are on the disk. Raises OSError."""
-    number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(number)
-    except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # a file system that cannot do this for folders
-            raise
-    finally:
-        os.close(number)
+    save_file(path, mark + text.encode())

@@ -9,10 +9,10 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from config.editing import sync_folder
 from config.faults import Source
 from config.gesture import GestureConfig, gesture_of
 from config.marked import plain
+from config.saving import sync_folder
 
 
 def gesture_text(gesture: GestureConfig, file: str = "gesture") -> str:

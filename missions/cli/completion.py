@@ -15,6 +15,7 @@ from click.shell_completion import (
     split_arg_string,
 )
 
+from config.saving import save_file
 from missions.cli.outputs import writing
 from missions.cli.root import COMPLETING, SUCCESS, mission
 from missions.library.folders import data_folder
@@ -95,7 +96,7 @@ def install(shell: str | None) -> int:
         )
     with writing(path, "--shell"):
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(script(shell), encoding="utf-8")
+        save_file(path, script(shell))
     added = started is not None and _add(started, f"[ -r {shlex.quote(str(path))} ] && . {shlex.quote(str(path))}")
     click.echo(
         f"terminals that are opened from now on complete `mission`; for this one: source {shlex.quote(str(path))}"

@@ -6,10 +6,10 @@ from pathlib import Path
 import click
 import cv2
 
+from config.saving import PRIVATE, save_file
 from drivers.api import Image
 from drivers.camera.source import Kind, kind_of
 from missions.cli.outputs import writing
-from missions.records.recording.outputs import write_private
 
 
 class Drawings:
@@ -35,7 +35,7 @@ class Drawings:
         if not done:
             raise click.ClickException(f"{target}: cannot be written")
         with writing(target, "--annotate"):
-            write_private(target, packed.tobytes())
+            save_file(target, packed.tobytes(), PRIVATE)
 
     def _stem(self, path: Path) -> str:
         """Return a name of its own for each file that is looked at: "astro", then "astro-2"."""

@@ -7,6 +7,7 @@ import click
 import numpy as np
 
 from config.library import find
+from config.saving import save_file
 from drivers.legs.gait import Gait, blended, mirrored, scaled, sequence
 from drivers.legs.pressure import margins
 from missions.cli.controller import NO_PLOTS
@@ -207,7 +208,7 @@ def _refuse_unreached(walker: Walker, gait: Gait) -> None:
 
 def _save(output: Path, text: str) -> None:
     with writing(output, "-o"):
-        output.write_text(text, encoding="utf-8")
+        save_file(output, text)
     click.echo(f"wrote {output}", err=True)
 
 

@@ -6,6 +6,7 @@ became of one is found out here.
 
 import os
 import shlex
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,10 +16,10 @@ from typing import Self
 import click
 import cv2
 
+from config.saving import PRIVATE, save_file
 from drivers.api import Image
 from drivers.camera.decode import hush
 from missions.cli.outputs import check_folder
-from missions.records.recording.outputs import private, write_private
 
 CODECS = {".webm": "VP80", ".mp4": "vp09", ".avi": "MJPG"}
 """By the ending of a film, codecs of OpenCV's wheels; browsers play the first two, of which VP8 is written quicker.
@@ -64,6 +65,7 @@ class Movie:
         self._rate = rate
         self._option = option
         self._writer: cv2.VideoWriter | None = None
+        self._beside = path  # the film until it is whole
         self.pictures = 0
         self.trouble = ""
 
@@ -78,10 +80,16 @@ class Movie:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._writer is not None:
-            self._writer.release()
-            if not self.trouble and not self._whole():
-                self._stop("it cannot be read to its end")
+        if self._writer is None:
+            return
+        self._writer.release()
+        if not self.trouble and not self._whole():
+            self._stop("it cannot be read to its end")
+        if self.trouble and self._path.exists():
+            self._beside.unlink(missing_ok=True)
+            self.trouble = f"{self.trouble}\n  {self._path} is the film of before"
+        else:
+            self._beside.replace(self._path)
 
     @property
     def is_film(self) -> bool:
@@ -106,7 +114,9 @@ class Movie:
         """Write a picture into the folder."""
         done, packed = cv2.imencode(".jpg", picture)
         try:
-            write_private(self._path / f"{self.pictures:05d}.jpg", packed.tobytes() if done else b"")
+            save_file(
+                self._path / f"{self.pictures:05d}.jpg", packed.tobytes() if done else b"", PRIVATE, durable=False
+            )
         except OSError as error:
             if not self.pictures:
                 raise self._refused(error) from error
@@ -115,21 +125,23 @@ class Movie:
     def _begun(self, first: Image) -> cv2.VideoWriter:
         """Return what writes the film, into a file that only its owner can read. Raises click.UsageError."""
         try:
-            with open(self._path, "wb", opener=private):
-                pass  # the library opens it anew, and leaves its rights alone
+            number, beside = tempfile.mkstemp(self._path.suffix, f".{self._path.stem[:100]}.", self._path.parent)
+            os.close(number)  # the library opens it anew, and leaves its rights alone
+            self._beside = Path(beside)
         except OSError as error:
             raise self._refused(error) from error
         codec, size = cv2.VideoWriter.fourcc(*CODECS[self._path.suffix]), (first.shape[1], first.shape[0])
         with _unheard():
-            writer = cv2.VideoWriter(str(self._path), codec, self._rate, size)
+            writer = cv2.VideoWriter(beside, codec, self._rate, size)
         if not writer.isOpened():
+            self._beside.unlink(missing_ok=True)
             raise click.UsageError(f"{self._option}: cannot write {self._path}")
         return writer
 
     def _whole(self) -> bool:
         """Say whether the last picture of the closed film can be read, at its time."""
         with _unheard():
-            video = cv2.VideoCapture(str(self._path))
+            video = cv2.VideoCapture(str(self._beside))
             video.set(cv2.CAP_PROP_POS_FRAMES, self.pictures - 1)
             found, _ = video.read()
             last = video.get(cv2.CAP_PROP_POS_MSEC) / 1000

@@ -5,12 +5,13 @@ import shlex
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from errno import EEXIST, EISDIR, ENOENT, ENOSPC, ENOTDIR
+from errno import EACCES, EEXIST, EISDIR, ENOENT, ENOSPC, ENOTDIR, EROFS
 from pathlib import Path
 
 import click
 
-from config.editing import put_on_disk, rewrite
+from config.editing import rewrite
+from config.saving import save_file
 from missions.library.folders import state_folder
 
 MIN_ROOM = 65_536
@@ -24,6 +25,18 @@ def writing(path: Path, option: str) -> Iterator[None]:
         yield
     except OSError as error:
         raise click.BadParameter(_why(path, error), param_hint=option) from error
+
+
+def wrote(*paths: Path | str, what: str = "") -> str:
+    """Say what was written, and who can read it: ``what`` into the paths, or these themselves.
+
+    Reports, films and records show people, and are made for their owner only; a stick knows no such rights.
+    """
+    open_to_others = [path for path in map(Path, paths) if path.exists() and path.stat().st_mode & 0o077]
+    names = ", ".join(map(str, paths))
+    it = "it" if len(paths) == 1 else "them"
+    who = f"others can read {', '.join(map(str, open_to_others))}" if open_to_others else f"only you can read {it}"
+    return f"wrote {what}{names} ({who})"
 
 
 def check_folder(path: Path, option: str, instead: str) -> None:
@@ -87,19 +100,23 @@ def save(path: Path, text: str) -> bool:
 def _put(path: Path, text: str) -> None:
     """Write ``text`` at ``path``, which may be there, and wait until it is on the disk. Raises OSError."""
     target = Path(os.path.realpath(path))
+    if target.exists() and not target.is_file():
+        raise OSError(EEXIST, "it is not a regular file")
     if target.exists():
-        if not target.is_file():
-            raise OSError(EEXIST, "it is not a regular file")
         rewrite(target, text)
-        return
-    mask = os.umask(0)
-    os.umask(mask)
-    put_on_disk(target, text.encode(), 0o666 & ~mask)
+    else:
+        save_file(target, text)
 
 
 def _why(path: Path, error: OSError) -> str:
-    folder = path.parent
-    if not folder.is_dir():
-        return f"{path}: there is no folder {folder}\n  try: mkdir -p {shlex.quote(str(folder))}"
-    room = f"\n  try: df -h {shlex.quote(str(folder))}  (is there room?)" if error.errno == ENOSPC else ""
-    return f"{path}: cannot be written: {error.strerror or error}{room}"
+    """Say why a file cannot be written, and what to type."""
+    folder = shlex.quote(str(path.parent))
+    in_the_way = next((each for each in path.parents if os.path.lexists(each)), path.parent)
+    if error.errno in (EEXIST, ENOTDIR) and not os.path.isdir(in_the_way):  # noqa: PTH112 - Path raises without permission
+        told = f"{path}: there is no folder {path.parent}: {in_the_way} is in the way"
+        return f"{told}\n  try: ls -l {shlex.quote(str(in_the_way))}"
+    if error.errno in (ENOENT, ENOTDIR) and not os.path.isdir(path.parent):  # noqa: PTH112 - Path raises at no permission
+        return f"{path}: there is no folder {path.parent}\n  try: mkdir -p {folder}"
+    cures = {ENOSPC: f"df -h {folder}  (is there room?)", EROFS: f"findmnt -T {folder}  (is the disk read-only?)"}
+    cure = cures.get(error.errno or 0, f"ls -ld {folder}  (may you write there?)" if error.errno == EACCES else "")
+    return f"{path}: cannot be written: {error.strerror or error}" + (f"\n  try: {cure}" if cure else "")

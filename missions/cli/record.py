@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from missions.cli.options import SECONDS
-from missions.cli.outputs import check_folder
+from missions.cli.outputs import check_folder, wrote
 from missions.records.recording.export import to_csv, to_folder, to_jsonl
 from missions.records.recording.faults import InvalidRecordError
 from missions.records.recording.info import lines_about
@@ -139,12 +139,14 @@ def export(path: Path, tables: Path | None, lines: Path | None, folder: Path | N
     with _in_words():
         record = open_record(path)
         if tables is not None:
-            click.echo(f"wrote {len(to_csv(record, tables, force=force))} tables to {tables}")
+            count = len(to_csv(record, tables, force=force))
+            click.echo(wrote(tables, what=f"{count} tables to "))
         if lines is not None:
-            click.echo(f"wrote {to_jsonl(record, lines, force=force)} lines to {lines}")
+            count = to_jsonl(record, lines, force=force)
+            click.echo(wrote(lines, what=f"{count} lines to "))
         if folder is not None:
             pictures, files, made = to_folder(record, folder, force=force)
-            click.echo(f"wrote {pictures} pictures, {files} files and {made} tables to {folder}")
+            click.echo(wrote(folder, what=f"{pictures} pictures, {files} files and {made} tables to "))
 
 
 @command.command(epilog="Example: mission record joints monday.mcap")
@@ -220,4 +222,5 @@ def cut(path: Path, start: float, end: float, output: Path, force: bool) -> None
         from missions.records.recording.cut import cut as cut_piece  # noqa: PLC0415 - it needs mcap, as open_record says
 
         count = cut_piece(record, start, end, output, force=force)
-    click.echo(f"wrote {count} messages to {output}; to look into it: mission record info {output}")
+    told = wrote(output, what=f"{count} messages to ")
+    click.echo(f"{told}; to look into it: mission record info {output}")

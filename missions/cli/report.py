@@ -5,9 +5,9 @@ from pathlib import Path
 
 import click
 
+from config.saving import PRIVATE, save_file
 from missions.cli.numbers import Whole
-from missions.cli.outputs import check_folder, writing
-from missions.records.recording.outputs import write_private
+from missions.cli.outputs import check_folder, writing, wrote
 from missions.records.recording.read import open_record
 from missions.records.report.page import page
 from missions.records.report.study import MOST_PICTURES, Study, study
@@ -58,8 +58,8 @@ def command(file: Path, output: Path | None, pictures: int, plots: Path | None) 
     try:
         if output is not None:
             with writing(output, "-o"):
-                write_private(output, page(found).encode(errors="backslashreplace"))
-            click.echo(f"wrote {output}")
+                save_file(output, page(found).encode(errors="backslashreplace"), PRIVATE)
+            click.echo(wrote(output))
         if plots is not None:
             _plot(found, plots)
     except OSError as error:
@@ -72,4 +72,4 @@ def _plot(found: Study, folder: Path) -> None:
     except ImportError as error:
         raise click.UsageError("plots need Matplotlib\n  try: pip install 'missiontree[plots]'") from error
     for path in draw(found, folder):
-        click.echo(f"wrote {path}")
+        click.echo(wrote(path))

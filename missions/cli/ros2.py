@@ -14,10 +14,12 @@ import click
 
 from config.fleet import refusal
 from config.library import find
+from config.saving import save_file
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from missions.cli.names import ROBOT, WORLD
-from missions.cli.numbers import Real, Whole
+from missions.cli.numbers import InUnit, Whole
+from missions.cli.outputs import writing
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
 
@@ -114,7 +116,7 @@ def graph(robot: str, router: str | None, domain: int | None) -> int:
 @command.command(epilog="Example: mission ros2 echo /odom --seconds 2")
 @click.argument("topic")
 @options
-@click.option("--seconds", type=Real(min=0.1), default=5.0, show_default=True, help="For so long.")
+@click.option("--seconds", type=InUnit("s", 0.1), default=5.0, show_default=True, help="For so long.")
 def echo(topic: str, robot: str, router: str | None, domain: int | None, seconds: float) -> int:
     """Print the messages of a topic, each as a line of JSON."""
     from drivers.ros2.types import Malformed, types  # noqa: PLC0415 - an extra
@@ -143,7 +145,7 @@ def echo(topic: str, robot: str, router: str | None, domain: int | None, seconds
 @command.command(epilog="Example: mission ros2 capture robot.jsonl --seconds 10")
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
 @options
-@click.option("--seconds", type=Real(min=0.1), default=5.0, show_default=True, help="For so long.")
+@click.option("--seconds", type=InUnit("s", 0.1), default=5.0, show_default=True, help="For so long.")
 def capture(file: Path, robot: str, router: str | None, domain: int | None, seconds: float) -> int:
     """Write what a robot says to a file: its tokens, and its messages as they came. No pictures, no names of sessions.
 
@@ -172,7 +174,8 @@ def capture(file: Path, robot: str, router: str | None, domain: int | None, seco
             if not kind.endswith(("Image", "CameraInfo")):
                 node.subscribe(name, [kind], keep(name))
         _wait(seconds)
-    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with writing(file, "-o"):
+        save_file(file, "\n".join(lines) + "\n")
     click.echo(f"{file}: {len(lines)} lines")
     return SUCCESS
 

@@ -150,7 +150,9 @@ def _tell_left(files: Sequence[str], lost: Iterable[object]) -> None:
     """Say what a run has left behind, and which events were not told; where nobody reads it, to nobody."""
     with suppress(OSError):
         if files:
-            click.echo(f"wrote {', '.join(files)}", err=True)
+            from missions.cli.outputs import wrote  # noqa: PLC0415 - many runs write nothing
+
+            click.echo(wrote(*files), err=True)
     for each in lost:
         with suppress(OSError):
             click.echo(f"mission: not all events were told: {each}", err=True)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from config.saving import save_file
 from missions.cli.options import behaviours_option, own_files
 from missions.cli.outputs import writing
 from missions.library.drivers import Table
@@ -62,5 +63,5 @@ def _write(text: str, output: Path | None) -> None:
         click.echo(text)
         return
     with writing(output, "-o"):
-        output.write_text(f"{text}\n", encoding="utf-8")
+        save_file(output, f"{text}\n")
     click.echo(f"wrote {output}", err=True)

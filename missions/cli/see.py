@@ -22,7 +22,8 @@ from missions.cli.keys import interruptible
 from missions.cli.looking import IDEAL, PERIOD, Looker, Seen, SeenFace
 from missions.cli.movie import CODECS, Movie, check_place
 from missions.cli.names import ROBOT
-from missions.cli.numbers import Real
+from missions.cli.numbers import InUnit
+from missions.cli.outputs import wrote
 from missions.cli.root import SUCCESS
 from missions.cli.through import tell, through, through_own
 from missions.library.drivers import load_robot
@@ -69,7 +70,7 @@ def _objects(ctx: click.Context, option: click.Parameter, values: tuple[str, ...
 @click.option("--annotate", "folder", type=click.Path(path_type=Path), metavar="OUT",
               help="Draw it all: into the folder OUT, or a film (OUT.webm).")  # fmt: skip
 @click.option(
-    "--seconds", type=Real(min=0.1), metavar="N", help="Look through a camera for so long; else until Ctrl-C."
+    "--seconds", type=InUnit("s", 0.1), metavar="N", help="Look through a camera for so long; else until Ctrl-C."
 )
 @click.option("--view/--no-view", default=None, help="Serve a page that shows it live; the default on a terminal.")
 def command(
@@ -113,7 +114,7 @@ def command(
     except (FileNotFoundError, BadModel) as error:  # of a detector
         raise click.UsageError(f"{error}") from error
     if folder is not None:
-        click.echo(f"wrote {written} pictures to {folder}", err=as_json)
+        click.echo(wrote(folder, what=f"{written} pictures to "), err=as_json)
     return SUCCESS
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import click
 
+from config.saving import PRIVATE, save_file
 from missions.cli.names import SHOWN
 from missions.cli.numbers import Whole
 from missions.cli.options import SECONDS, behaviours_option, leaves_for, params_option
-from missions.cli.outputs import writing
+from missions.cli.outputs import writing, wrote
 from missions.library.shipped import load_mission
-from missions.records.recording.outputs import write_private
 from missions.records.recording.read import open_record
 from missions.views.pictures.compare import compare
 from missions.views.pictures.draw import at, drawing_of, folded
@@ -119,9 +119,5 @@ def _write(dump: Dump, output: Path | None, form: str, name: str, *, private: bo
         click.echo(dump, nl=False)
         return
     with writing(output, "-o"):
-        data = dump if isinstance(dump, bytes) else dump.encode(errors="backslashreplace")
-        if private:
-            write_private(output, data)
-        else:
-            output.write_bytes(data)
-    click.echo(f"wrote {output}", err=True)
+        save_file(output, dump, PRIVATE if private else None)
+    click.echo(wrote(output) if private else f"wrote {output}", err=True)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from config.saving import save_file
 from drivers.clock import SystemClock
 from missions.cli.keys import interruptible
 from missions.cli.numbers import Whole
@@ -95,6 +96,6 @@ def _one(seed: int, output: Path, *, shrink: bool, as_json: bool) -> int:
             outcome, lambda found: click.echo(f"still broken with {len(found.weather.faults)} faults", err=True)
         )
         with writing(output, "--output"):
-            output.write_text(as_test(outcome), encoding="utf-8")
+            save_file(output, as_test(outcome))
         click.echo(f"{schedule(outcome)}\nwrote {output}", err=as_json)
     return FAILURE

@@ -13,6 +13,7 @@ from config.controller import parse_controller, renamed, rewritten
 from config.faults import Source
 from config.library import find
 from config.marked import read_source
+from config.saving import save_file
 from missions.cli.console import console
 from missions.cli.controller import read
 from missions.cli.keys import interruptible
@@ -89,7 +90,7 @@ def tracker(name: str, rules: tuple[str, ...], output: Path | None, force: bool,
         found = Source(source.name, text)
         kept.append(rewritten(found, renamed(found, output.stem, f"{config.summary} Tuned.")))
         with writing(output, "-o"):
-            output.write_text(kept[-1], encoding="utf-8")
+            save_file(output, kept[-1])
 
     try:
         with interruptible(), _progress(evaluations) as told:
@@ -109,7 +110,7 @@ def tracker(name: str, rules: tuple[str, ...], output: Path | None, force: bool,
     for line in table(list(bench({"before": before, "after": after}, scenarios=SCENARIOS[:2]))):
         click.echo(line)
     with writing(output, "-o"):
-        output.write_text(text, encoding="utf-8")
+        save_file(output, text)
     click.echo(f"\nwrote {output}; to use it: track_face: {output}")
     return SUCCESS
 

@@ -8,6 +8,7 @@ import cv2
 
 from config.library import DEFAULT_ROBOT, find
 from config.robot import RobotConfig
+from config.saving import save_file
 from config.world import WorldConfig, load_world
 from drivers.api import Image
 from drivers.sim.render import Renderer
@@ -77,7 +78,7 @@ def show(name: str, output: Path | None, camera: bool, time: float, robot: str) 
     else:
         data = _drawn(_plan(config, time), output)
     with writing(output, "-o"):
-        output.write_bytes(data)
+        save_file(output, data)
     click.echo(f"drew {output}")
 
 

@@ -13,6 +13,7 @@ from drivers.legs.body import SIDES, Body, Floats
 from drivers.legs.engine import whole
 from drivers.legs.gait import Gait
 from drivers.legs.kinematics import centre_of_mass, forward
+from missions.hands.figures import save_figure
 from missions.hands.moves.plot import FORMATS, GOAL, LIMIT, MEASURED
 
 COLOURS = {"left": GOAL, "right": MEASURED}
@@ -47,7 +48,7 @@ def draw_gait(path: Path, gait: Gait, body: Body, limits: Mapping[str, JointLimi
     grid[3][2].set_axis_off()
     handles, labels = grid[0][0].get_legend_handles_labels()
     grid[3][2].legend(handles, labels, loc="center", frameon=False)
-    figure.savefig(path, dpi=90)
+    save_figure(figure, path, 90)
 
 
 def _joint(axes: Axes, times: Floats, angles: Floats, colour: str, its: JointLimits) -> None:

@@ -5,10 +5,11 @@ from dataclasses import asdict, dataclass, replace
 from math import isclose, radians
 from pathlib import Path
 
-from config.editing import NotEditableError, put_on_disk, require_own, rewrite, with_value
+from config.editing import NotEditableError, require_own, rewrite, with_value
 from config.faults import InvalidFileError, Source
 from config.marked import read_source
 from config.robot import RobotConfig
+from config.saving import save_file
 from config.units import written
 from drivers.dynamixel.declared import DynamixelKeys, JointKeys, Ticks
 from missions.library.drivers import robot_of
@@ -67,7 +68,7 @@ def keep_ranges(path: Path, ranges: Mapping[str, Range], part: str = "arm") -> P
             f"{path}: it is written in a way that cannot be changed here; write the figures yourself"
         )
     kept = free(path)
-    put_on_disk(kept, path.read_bytes(), path.stat().st_mode)
+    save_file(kept, path.read_bytes(), path.stat().st_mode)
     rewrite(path, text)
     return kept
 

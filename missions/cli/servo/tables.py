@@ -2,11 +2,13 @@
 
 import csv
 from collections.abc import Mapping, Sequence
+from io import StringIO
 from math import degrees
 from pathlib import Path
 
 from behaviours.playing import Playing, slowed
 from behaviours.tracking_error import JointError, Sample
+from config.saving import save_file
 from drivers.api import Gesture, JointLimits, Keyframe
 from missions.views.columns import in_columns
 
@@ -51,9 +53,10 @@ def followed(errors: Mapping[str, JointError]) -> str:
 
 def write_csv(path: Path, samples: Sequence[Sample]) -> None:
     """Write what was measured, a line for each reading of each joint; see ``COLUMNS``. Raises OSError."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(COLUMNS)
-        for each in samples:
-            figures = (each.goal, each.position, each.error)
-            writer.writerow([f"{each.time:.4f}", each.joint, *(f"{figure:.5f}" for figure in figures)])
+    text = StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(COLUMNS)
+    for each in samples:
+        figures = (each.goal, each.position, each.error)
+        writer.writerow([f"{each.time:.4f}", each.joint, *(f"{figure:.5f}" for figure in figures)])
+    save_file(path, text.getvalue())

@@ -9,6 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from drivers.api import JointLimits
+from missions.hands.figures import save_figure
 
 FORMATS = (".png", ".svg")
 """The endings of pictures that can be drawn."""
@@ -60,7 +61,7 @@ def draw_move(
         label: handle for axes in grid.flat for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
     }
     figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=len(entries), frameon=False)
-    figure.savefig(path, dpi=90)
+    save_figure(figure, path, 90)
 
 
 def _limits(axes: Axes, limits: JointLimits) -> None:

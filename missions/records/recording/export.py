@@ -5,11 +5,13 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
+from config.saving import PRIVATE, save_file, whole_file
 from missions.records.recording.faults import InvalidRecordError, message_in, understanding
-from missions.records.recording.outputs import inside, new_file, new_folder, private, write_private
+from missions.records.recording.outputs import inside, new_file, new_folder
 from missions.records.recording.read import Record, began_at
 
 NO_TABLE = frozenset({"/camera", "/camera/marks"})
@@ -65,7 +67,7 @@ def to_csv(record: Record, folder: Path, *, force: bool = False) -> list[Path]:
     with ExitStack() as files:
         tables = {
             topic: csv.DictWriter(
-                files.enter_context(open(path, "w", encoding="utf-8", errors=ESCAPED, newline="", opener=private)),
+                TextIOWrapper(files.enter_context(whole_file(path, PRIVATE)), "utf-8", ESCAPED, "", write_through=True),
                 ["t", *columns[topic]],
             )
             for topic, path in paths.items()
@@ -86,12 +88,12 @@ def to_folder(record: Record, folder: Path, *, force: bool = False) -> tuple[int
         each.mkdir(mode=0o700, exist_ok=True)
     count = 0
     for stamp, jpeg in record.frames():
-        write_private(pictures / f"{stamp:010.3f}.jpg", jpeg)
+        save_file(pictures / f"{stamp:010.3f}.jpg", jpeg, PRIVATE, durable=False)
         count += 1
     for name, data in record.files.items():
         path = files / inside(name)
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        write_private(path, data)
+        save_file(path, data, PRIVATE, durable=False)
     return count, len(record.files), len(to_csv(record, folder / "tables", force=force))
 
 

@@ -4,11 +4,12 @@ Records show people and name them, so that nobody but their owner can read what 
 """
 
 import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO, TextIO
+
+from config.saving import PRIVATE, whole_file
 
 
 class ExistsError(ValueError):
@@ -21,12 +22,6 @@ def private(path: str, flags: int) -> int:
     with suppress(OSError):  # a disk that knows no rights, such as a stick's, or a file of somebody else's
         os.fchmod(number, 0o600)
     return number
-
-
-def write_private(path: Path, data: bytes) -> None:
-    """Write a file that only its owner can read, in the place of one that is there. Raises OSError."""
-    with open(path, "wb", opener=private) as file:
-        file.write(data)
 
 
 def open_private(path: Path) -> TextIO:
@@ -42,14 +37,8 @@ def new_file(path: Path, *, force: bool) -> Iterator[BinaryIO]:
     """
     if path.exists() and not force:
         raise ExistsError(f"{path}: is there already\n  try: another name, or --force to write over it")
-    number, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")  # for its owner only
-    try:
-        with os.fdopen(number, "wb") as file:
-            yield file
-        Path(name).replace(path)
-    except BaseException:  # a Ctrl-C too must leave no half of a file
-        Path(name).unlink(missing_ok=True)
-        raise
+    with whole_file(path, PRIVATE) as file:
+        yield file
 
 
 def new_folder(path: Path, *, force: bool) -> None:

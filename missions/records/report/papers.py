@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from missions.records.recording.outputs import private
+from config.saving import PRIVATE
+from missions.hands.figures import save_figure
 from missions.records.report.study import Study
 from missions.records.report.timeline import Lane
 from missions.records.report.traces import SHORTEST, Chart, Line, Route, unbroken
@@ -126,6 +127,4 @@ def _quiet(axes: Axes) -> None:
 
 
 def _save(figure: Figure, path: Path) -> Path:
-    with open(path, "wb", opener=private) as file:
-        figure.savefig(file, dpi=DPI, format="png")
-    return path
+    return save_figure(figure, path, DPI, PRIVATE)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
 
-from config.editing import sync_folder
+from config.saving import sync_folder
 
 FILE = "fleet_stop.json"
 

@@ -15,6 +15,7 @@ from behaviours.tracking.fuzzy import Controller
 from behaviours.tracking.rules import RuleBases, controllers
 from behaviours.tracking.terms import Sets, Variable
 from config.controller import ControllerConfig
+from missions.hands.figures import save_figure
 from missions.testing.controllers.bench import Row
 from missions.testing.controllers.scenario import Body
 from missions.testing.controllers.score import CENTRED
@@ -51,7 +52,7 @@ def draw_controller(path: Path, config: ControllerConfig) -> None:
             _fuzzy(row, name, fuzzy[name])
         else:
             _formula(row, name, rules, config)
-    figure.savefig(path, dpi=100)
+    save_figure(figure, path, 100)
 
 
 def draw_bench(path: Path, rows: Sequence[Row]) -> None:
@@ -74,7 +75,7 @@ def draw_bench(path: Path, rows: Sequence[Row]) -> None:
         _quiet(axes)
     handles, labels = grid.flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
-    figure.savefig(path, dpi=90)
+    save_figure(figure, path, 90)
 
 
 def _by(body: Body) -> str:

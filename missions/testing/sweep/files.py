@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
+from config.saving import save_file
 from missions.testing.sweep.row import Row
 from missions.testing.sweep.summary import Summary, cause
 from missions.testing.sweep.sweep import Sweep
@@ -60,7 +61,7 @@ def summary_json(summary: Summary, about: Mapping[str, object]) -> str:
 def write_world(sweep: Sweep, seed: int, path: Path) -> None:
     """Write the world of one run as a world file. Raises ValueError for a world that cannot be, OSError."""
     text = sweep.world_of(sweep.draw(seed), seed)
-    path.write_text(f"# As it is for run {seed} of a sweep.\n{text}", encoding="utf-8")
+    save_file(path, f"# As it is for run {seed} of a sweep.\n{text}")
 
 
 class Folder:
@@ -108,8 +109,8 @@ class Folder:
         for row in summary.worst:
             with suppress(ValueError):  # what is wrong with this world is the reason of its row
                 write_world(sweep, row.seed, self.world(row.seed))
-        (self.path / RUNS).write_text(runs_csv(rows, sweep.variations), encoding="utf-8")
-        (self.path / SUMMARY).write_text(summary_json(summary, about), encoding="utf-8")
+        save_file(self.path / RUNS, runs_csv(rows, sweep.variations))
+        save_file(self.path / SUMMARY, summary_json(summary, about))
 
     def world(self, seed: int) -> Path:
         """Return where the world of one of the worst runs is."""

@@ -10,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from missions.hands.figures import save_figure
 from missions.testing.sweep.bins import Bin
 from missions.testing.sweep.report import interval, percent
 from missions.testing.sweep.row import Row
@@ -38,7 +39,7 @@ def draw(path: Path, title: str, summary: Summary, rows: Sequence[Row]) -> None:
         _causes(next(axes), summary)
     for unused in axes:
         unused.set_axis_off()
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, 110)
 
 
 def _success(axes: Axes, name: str, bins: Sequence[Bin]) -> None:

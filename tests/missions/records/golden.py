@@ -37,7 +37,7 @@ MISSIONS: dict[str, RunRequest] = {
     order.mission.replace("/", "-"): replace(order, simulate="fast", eyes="truth", seed=7)
     for order in (
         RunRequest("greet", robot=ARM, world="living_room"),
-        RunRequest("greet_with_a_nod", robot=HUMANOID, world="living_room"),
+        RunRequest("find_person", robot=ARM, world="living_room"),
         RunRequest("look_around", robot=ARM, world="living_room"),
         RunRequest("dock", robot=BARE, world="living_room"),
         RunRequest("wander", robot=BARE, world="living_room", params={"duration": "2 s"}),

@@ -134,7 +134,10 @@ def test_half_a_letter_is_written_as_json_writes_it(tmp_path: Path) -> None:
 
 def test_a_folder_holds_pictures_files_and_tables(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    assert run("export", path, "--folder", out).output == f"wrote 4 pictures, 3 files and 15 tables to {out}\n"
+    assert (
+        run("export", path, "--folder", out).output
+        == f"wrote 4 pictures, 3 files and 15 tables to {out} (only you can read it)\n"
+    )
     assert (out / "pictures" / "000002.000.jpg").read_bytes() == JPEG
     assert {name: (out / "files" / name).read_bytes() for name in FILES} == FILES
     assert (out / "tables" / "nodes.csv").exists()

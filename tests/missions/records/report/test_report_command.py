@@ -56,7 +56,7 @@ def images(path: Path) -> int:
 
 def test_a_report_is_written_where_it_is_wanted(report: Report, record: Record, tmp_path: Path) -> None:
     told = report(record.path, "-o", tmp_path / "report.html")
-    assert (told.exit_code, told.output) == (0, f"wrote {tmp_path / 'report.html'}\n")
+    assert (told.exit_code, told.output) == (0, f"wrote {tmp_path / 'report.html'} (only you can read it)\n")
     assert images(tmp_path / "report.html") == 5 + 1
 
 
