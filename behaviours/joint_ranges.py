@@ -43,8 +43,8 @@ class JointRanges:
         ]
 
     def lacking(self, joints: Iterable[str]) -> list[str]:
-        """Return a mistake for each name that is none of a joint."""
-        return [self._no_joint(name) for name in dict.fromkeys(joints) if name not in self.joints]
+        """Return what is wrong with the names that are none of a joint."""
+        return self._no_joints(name for name in dict.fromkeys(joints) if name not in self.joints)
 
     def named(self, names: Iterable[str]) -> tuple[str, ...]:
         """Return the joints that ``names`` mean, groups spelt out, each once; all joints where there is no name.
@@ -59,19 +59,18 @@ class JointRanges:
         return tuple(dict.fromkeys(joint for name in names for joint in self.groups.get(name, (name,))))
 
     def beyond(self, poses: Iterable[Mapping[str, float]]) -> list[str]:
-        """Return a mistake for each joint in ``poses`` (radians) that the arm lacks, or that is asked too far."""
+        """Return a mistake for the joints in ``poses`` (radians) that the arm lacks, and for each asked too far."""
+        poses = list(poses)
         wrong: dict[str, str] = {}
         for pose in poses:
             for joint, angle in pose.items():
-                if joint in wrong:
-                    continue
                 limits = self.joints.get(joint)
-                if limits is None:
-                    wrong[joint] = self._no_joint(joint)
-                elif not limits.lower - SLACK <= angle <= limits.upper + SLACK:
+                if joint in wrong or limits is None:
+                    continue
+                if not limits.lower - SLACK <= angle <= limits.upper + SLACK:
                     ends = f"{degrees(limits.lower)} to {degrees(limits.upper)}"
                     wrong[joint] = f"{joint} at {degrees(angle)} is outside its limits ({ends})"
-        return list(wrong.values())
+        return [*self.lacking(joint for pose in poses for joint in pose), *wrong.values()]
 
     def too_fast(self, speeds: Mapping[str, float]) -> list[str]:
         """Return a mistake for each joint that is to go faster (rad/s) than it can."""
@@ -81,10 +80,13 @@ class JointRanges:
             if joint in self.joints and speed > self.joints[joint].speed + SLACK
         ]
 
-    def _no_joint(self, name: str) -> str:
-        if name in self.groups:
-            return f"'{name}' is a group of joints, and here each needs its own angle"
-        return f"the {self.name} has no joint '{name}'{_meant(name, self.joints)}"
+    def _no_joints(self, names: Iterable[str]) -> list[str]:
+        names = list(names)
+        groups = [name for name in names if name in self.groups]
+        missing = [f"'{name}'{_meant(name, self.joints)}" for name in names if name not in self.groups]
+        told = [f"'{name}' is a group of joints, and here each needs its own angle" for name in groups]
+        joints = "joint" if len(missing) == 1 else "joints"
+        return [*told, *([f"the {self.name} has no {joints} {', '.join(missing)}"] if missing else [])]
 
 
 def _meant(name: str, known: Iterable[str]) -> str:

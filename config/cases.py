@@ -102,8 +102,8 @@ class CommonKeys:
 
     case: str = key(default="", help="Its title.")
     params: Mapping[str, object] = key(default={}, help="The mission's params.")
-    robot: str | None = key(default=None, help="Its name or file; else the usual one.")
-    world: str | None = key(default=None, help="Its name or file; else the usual one.")
+    robot: str | None = key(default=None, help="Its name or file; else the one that `mission run` takes.")
+    world: str | None = key(default=None, help="Its name or file; else the one that `mission run` takes.")
     eyes: Eyes = key(
         default="pixels", help="With `pixels`, pictures are drawn and searched; with `truth`, faces are known: quicker."
     )

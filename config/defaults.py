@@ -21,9 +21,10 @@ class DefaultsKeys:
     """The keys of the file of defaults."""
 
     robot: str = key(
-        default="", help="This computer's robot, a name or a file: `--on-robot` moves it, `mission run` simulates it."
+        default="",
+        help="This computer's robot, a name or a file: `--on-robot` moves it, other commands simulate it.",
     )
-    world: str = key(default="", help="The world in which `mission run` simulates, a name or a file.")
+    world: str = key(default="", help="The world in which commands simulate, a name or a file.")
     folders: tuple[str, ...] = key(
         default=(),
         help="Folders of yours with `robots/`, `worlds/`, `missions/`, `gestures/`, `controllers/` or `objects/`: "

@@ -13,7 +13,7 @@ from drivers.camera.pictures import pictures
 from drivers.camera.source import Kind, kind_of
 from drivers.errors import BadRequest
 from missions.cli.lens import keep_lens, lens_entries, lens_size
-from missions.cli.numbers import Real
+from missions.cli.numbers import InUnit
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.through import through
 from perception.calibration import Board, Calibration, Views, calibrate
@@ -71,7 +71,7 @@ def _length(ctx: click.Context, option: click.Parameter, value: str) -> float:
               "into your robot file.")  # fmt: skip
 @click.option(
     "--seconds",
-    type=Real(min=0.1),
+    type=InUnit("s", 0.1),
     default=120.0,
     show_default=True,
     help="How long to look through a live camera at most.",

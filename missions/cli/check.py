@@ -12,6 +12,7 @@ from config.library import UnknownNameError
 from missions.cli.names import MISSION
 from missions.cli.options import behaviours_option, files_of, leaves_for, params_option
 from missions.cli.usual_robot import load_for, robot_option, robots_for, target
+from missions.language.claims import impossible
 from missions.language.guards import actions_as_guards, guards_kept
 from missions.language.phrases import confusions
 from missions.library.shipped import TESTS, shipped_missions
@@ -71,8 +72,10 @@ def _checked(
         return f"mission: {error}", [Diagnostic(Source(name, ""), Mark(), str(error))], []
     count = sum(1 for _ in plan.tree.walk())
     other = "" if able == robots[0] else f", for robot '{able.stem}'"
+    robot = target(able)
     said = f"{name}: good ({plan.mission}, {count} node{'s' if count > 1 else ''}{other})"
-    return said, [], [*actions_as_guards(plan.tree), *guards_kept(plan.tree), *confusions(plan.tree, target(able))]
+    hints = [*actions_as_guards(plan.tree), *guards_kept(plan.tree), *impossible(plan.tree, robot)]
+    return said, [], [*hints, *confusions(plan.tree, robot)]
 
 
 def _as_dict(fault: Diagnostic, severity: str) -> dict[str, object]:

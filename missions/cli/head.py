@@ -18,7 +18,7 @@ from drivers.pantilt import AHEAD
 from missions.assembly.lags import ENOUGH
 from missions.cli.head_bench import HEAD, Bench, head_option, opened, pause, robot_options
 from missions.cli.keys import Keys
-from missions.cli.numbers import Real
+from missions.cli.numbers import InUnit
 from missions.cli.origin import robot_file
 from missions.cli.outputs import check_writable
 from missions.cli.root import FAILURE, SUCCESS
@@ -54,8 +54,8 @@ def command() -> None:
 @command.command(epilog="Example: mission head look --pan 30 --tilt -10")
 @robot_options
 @head_option
-@click.option("--pan", type=Real(), default=0.0, metavar="DEG", help="Positive is to the left.")
-@click.option("--tilt", type=Real(), default=0.0, metavar="DEG", help="Positive is down.")
+@click.option("--pan", type=InUnit("deg"), default=0.0, metavar="DEG", help="Positive is to the left.")
+@click.option("--tilt", type=InUnit("deg"), default=0.0, metavar="DEG", help="Positive is down.")
 def look(robot: str | None, simulate: bool, port: str | None, head: str, pan: float, tilt: float) -> int:
     """Look somewhere, and wait until the head does."""
     with opened(robot, simulate=simulate, port=port, head=head) as bench:
@@ -97,8 +97,8 @@ def where(robot: str | None, simulate: bool, port: str | None, head: str, as_jso
 @command.command(epilog="Example: mission head trim --robot my_robot.yaml --pan 4 --tilt -2 --keep")
 @robot_options
 @head_option
-@click.option("--pan", type=Real(), metavar="DEG", help="The trim of the pan servo, -45 to 45, in its own direction.")
-@click.option("--tilt", type=Real(), metavar="DEG", help="The trim of the tilt servo.")
+@click.option("--pan", type=InUnit("deg"), metavar="DEG", help="The trim of the pan servo, in its own direction.")
+@click.option("--tilt", type=InUnit("deg"), metavar="DEG", help="The trim of the tilt servo.")
 @click.option("--keep", is_flag=True, help="Write the trims into the robot file; nothing else in it is changed.")
 def trim(
     robot: str | None, simulate: bool, port: str | None, head: str, pan: float | None, tilt: float | None, keep: bool
@@ -132,7 +132,7 @@ def trim(
 
 @command.command(epilog="Example: mission head calibrate --robot turtlebot2_arm")
 @robot_options
-@click.option("--seconds", type=Real(2, 60), default=6.0, show_default=True, help="How long it looks about.")
+@click.option("--seconds", type=InUnit("s", 2, 60), default=6.0, show_default=True, help="How long it looks about.")
 def calibrate(robot: str | None, simulate: bool, port: str | None, seconds: float) -> int:
     """Find how late the camera stamps its pictures: the head looks to and fro, and the background tells.
 

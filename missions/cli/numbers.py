@@ -5,6 +5,8 @@ from typing import Any
 
 import click
 
+from config.units import EXAMPLES, UNITS, article, in_dimension
+
 _WHOLE = re.compile(r"[-+]?[0-9]+")
 _REAL = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 
@@ -35,3 +37,25 @@ class Real(click.FloatRange):
     def _describe_range(self) -> str:
         """Return the bounds as help texts have them; nothing where there are none."""
         return "" if self.min is self.max is None else super()._describe_range()
+
+
+class InUnit(Real):
+    """A quantity as missions have it, such as ``20 deg`` or ``0.35 rad``; a bare number counts in ``unit``.
+
+    The bounds and the value are in ``unit``.
+    """
+
+    def __init__(self, unit: str, low: float | None = None, high: float | None = None) -> None:
+        super().__init__(low, high)
+        self._unit = unit
+        self._dimension = next(dimension for dimension, units in UNITS.items() if unit in units)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return it. Raises click.BadParameter."""
+        if isinstance(value, str) and _REAL.fullmatch(value.strip()) is None:
+            try:
+                value = in_dimension(value, self._dimension) / UNITS[self._dimension][self._unit]
+            except ValueError:
+                example = EXAMPLES[self._dimension]
+                self.fail(f"{value!r} is not {article(self._dimension)}, such as '{example}'.", param, ctx)
+        return super().convert(value, param, ctx)

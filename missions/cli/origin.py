@@ -22,6 +22,21 @@ def take_default(robot: str) -> None:
     _origin.set((robot, f"the robot is '{robot}', this computer's own by {config_folder() / FILE}: {ignore}"))
 
 
+def chosen_robot(robot: str | None) -> str | None:
+    """Return the robot that a simulation takes: the named one, else this computer's own; None for the one that ships.
+
+    One that was not named is remembered with its origin. Raises InvalidFileError for a wrong file of defaults.
+    """
+    from config.defaults import load_defaults  # noqa: PLC0415 - most commands name their robot
+
+    if robot is None and (own := load_defaults().robot):
+        take_default(own)
+        return own
+    if robot is None:
+        robot_file(None)
+    return robot
+
+
 def robot_file(name: str | None, default: str = DEFAULT_ROBOT) -> Path:
     """Return the file of the named robot, else of ``default``; then its origin is remembered.
 
@@ -40,4 +55,5 @@ def robot_file(name: str | None, default: str = DEFAULT_ROBOT) -> Path:
 def origin_note(text: str) -> str:
     """Return where the robot came from, if ``text`` is about a robot that the user did not name; empty otherwise."""
     robot, note = _origin.get()
-    return note if robot and (robot in text or "robot" in text) and note not in text else ""
+    told = note in text or "mission robot use --none" in text
+    return note if robot and (robot in text or "robot" in text) and not told else ""

@@ -14,7 +14,7 @@ from config.reading import files_read
 from drivers.api import DeviceStatus
 from drivers.api.quick import dataclass
 from drivers.clock import time_of_day
-from missions.cli.numbers import Real
+from missions.cli.numbers import InUnit
 from missions.cli.options import SIZE
 from missions.cli.orders import pad_of
 from missions.executive.events import FaultRaised
@@ -48,7 +48,7 @@ def record_options(command: Any) -> Any:
         click.option("--overwrite", is_flag=True, help="Let the record take the place of the file that is there."),
         click.option(
             "--record-frames",
-            type=Real(min=0, max=100),
+            type=InUnit("Hz", 0, 100),
             metavar="RATE",
             help=f"Keep so many of the camera's pictures a second: {FRAMES:g} unless you say otherwise, 0 for none.",
         ),

@@ -17,7 +17,7 @@ from missions.cli.leash import leash_option, studio_beside, studio_option
 from missions.cli.names import MISSION, ROBOT, WORLD
 from missions.cli.numbers import Real, Whole
 from missions.cli.options import SECONDS, MissionCommand, behaviours_option, pairs, params_option
-from missions.cli.origin import robot_file, take_default
+from missions.cli.origin import chosen_robot, robot_file
 from missions.cli.recording import record_options, record_wish
 from missions.cli.root import DEVICE, FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.running import Outputs, run
@@ -44,11 +44,8 @@ def usual(
     if on_robot or robot == MINE:
         robot_file(MINE)
         robot = defaults.robot  # records keep a name that means the same tomorrow
-    elif robot is None and defaults.robot:
-        take_default(defaults.robot)
-        robot, simulate = defaults.robot, simulate or "wire"
-    elif robot is None:
-        robot_file(None)
+    elif robot is None and (own := chosen_robot(None)):
+        robot, simulate = own, simulate or "wire"
     if world is None and defaults.world and (robot is None or simulate is not None):
         world = defaults.world
     return robot, simulate, world

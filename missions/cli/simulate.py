@@ -16,7 +16,7 @@ from drivers.virtual.dynamixel import VirtualServoBus
 from missions.assembly.simulation import Simulation
 from missions.cli.hands import Hands
 from missions.cli.names import ROBOT, WORLD
-from missions.cli.numbers import Real
+from missions.cli.numbers import InUnit
 from missions.cli.origin import robot_file
 from missions.executive.executive import GLANCE
 from missions.library.drivers import load_robot
@@ -48,7 +48,11 @@ class Lines:
 @click.command(epilog="Example: mission simulate --robot turtlebot2")
 @click.option("--robot", type=ROBOT, help=f"A name or a file; else {DEFAULT_ROBOT}.")
 @click.option(
-    "--state", "period", type=Real(min=0.01), metavar="SECONDS", help="Print what the devices do, as JSON, that often."
+    "--state",
+    "period",
+    type=InUnit("s", 0.01),
+    metavar="SECONDS",
+    help="Print what the devices do, as JSON, so often.",
 )
 @click.option("--world", type=WORLD, help="The world around it; else open floor.")
 @click.option(

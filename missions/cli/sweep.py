@@ -10,6 +10,7 @@ from typing import Literal
 import click
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from config.defaults import load_defaults
 from config.units import in_dimension
 from drivers.clock import SystemClock
 from missions.cli.console import console
@@ -17,7 +18,7 @@ from missions.cli.keys import interruptible
 from missions.cli.names import MISSION, ROBOT, WORLD
 from missions.cli.numbers import Whole
 from missions.cli.options import behaviours_option, pairs, params_option
-from missions.cli.origin import robot_file
+from missions.cli.origin import chosen_robot
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.run import EXIT_CODES
 from missions.cli.running import Outputs
@@ -143,8 +144,7 @@ def command(
     if dask is not None and jobs is not None:
         raise click.UsageError("--jobs is for this machine; a Dask cluster has the workers that it has")
     try:
-        if robot is None:
-            robot_file(None)
+        robot, world = chosen_robot(robot), world or load_defaults().world or None
         sweep, plan = design(Wish(name, vary, params, robot, world, files, eyes, limit, physics))
     except VariationError as error:
         raise click.BadParameter(str(error), param_hint="--vary") from error

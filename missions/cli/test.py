@@ -11,11 +11,13 @@ import click
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from config.faults import Diagnostic, InvalidFileError
+from config.saving import save_file
 from drivers.clock import SystemClock
 from missions.cli.console import console, echo
 from missions.cli.names import TESTED
 from missions.cli.numbers import Whole
 from missions.cli.options import behaviours_option, tell_found
+from missions.cli.origin import chosen_robot
 from missions.cli.outputs import writing
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.shipped import behaviour_files
@@ -65,6 +67,7 @@ def command(
     Without any, those here and below; where there are none, those of the missions that ship with MissionTree.
     Exit code 0 is that all cases passed, 1 that one failed, 2 a mistake in the command or a file.
     """
+    chosen_robot(None)  # of the cases that name none
     cases = _chosen(names, words, files)
     if physics:
         cases = [replace(case, physics=True) for case in cases]
@@ -148,4 +151,4 @@ def _progress(count: int) -> Iterator[Callable[[Verdict], None]]:
 
 def _write(path: Path, data: bytes, option: str) -> None:
     with writing(path, option):
-        path.write_bytes(data)
+        save_file(path, data)

@@ -11,6 +11,7 @@ from behaviours.leaf import Leaf
 from config.faults import Diagnostic, InvalidFileError
 from config.library import DEFAULT_ROBOT, find, shipped
 from missions.cli.names import ROBOT
+from missions.cli.origin import chosen_robot
 from missions.language.claims import Target
 from missions.language.plan import Plan
 from missions.library.drivers import load_robot
@@ -30,14 +31,14 @@ class NotForThisRobotError(InvalidFileError):
 
 
 def robots_for(robot: str | None) -> list[Path]:
-    """Return the file of the robot that is named; for none, those that ship, the one that a run takes first.
+    """Return the file of the robot that is named; for none, the one that a run takes first, then those that ship.
 
-    Raises UnknownNameError.
+    Raises UnknownNameError, InvalidFileError.
     """
     if robot is not None:
         return [find("robots", robot)]
-    files = shipped("robots")
-    return [files.pop(DEFAULT_ROBOT), *files.values()]
+    first = find("robots", chosen_robot(None) or DEFAULT_ROBOT)
+    return [first, *(file for file in shipped("robots").values() if file != first)]
 
 
 def load_for(

@@ -1,19 +1,22 @@
 """Who drives what: no two behaviours may drive one actuator at a time, and the robot must have what they need."""
 
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import NamedTuple
 
 from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import Leaf
-from config.faults import did_you_mean, one_of
+from config.defaults import own_files
+from config.faults import Diagnostic, did_you_mean, one_of
+from config.library import shipped
 from config.units import article
 from drivers.api.kinds import KINDS
-from missions.language.nodes import AT_ONCE
+from missions.language.nodes import AT_ONCE, COMPOSITES, MODIFIERS
 from missions.language.notes import Notes
 from missions.language.plan import Step
+from missions.language.values import Value
 
 
 def none_of(texts: Sequence[str]) -> tuple[()]:
@@ -65,10 +68,15 @@ def _claimant(step: Step, part: str) -> Step:
 
 
 def check_needs(notes: Notes, tree: Step, robot: Target) -> None:
-    """Note every leaf that needs a part which the robot does not have, or names one of another kind."""
+    """Note every leaf that needs a part which the robot does not have, or names one of another kind.
+
+    What an alternative of a selector drives may be missing where the next one can do without: see ``check_reach``.
+    """
+    excused = set(map(id, _begun_with_others_left(tree)))
     for step in tree.walk():
         named = {**step.parts_beside, **{name: kind for kind, name in step.named_parts.items()}}
-        for part in sorted((step.own_needs - robot.parts).difference(named)):
+        spared = _driven(step) if id(step) in excused else frozenset()
+        for part in sorted((step.own_needs - robot.parts).difference(named) - spared):
             has = ", ".join(sorted(robot.parts)) or "nothing"
             notes.fault_at(step, f"'{step.kind}' needs {article(part)}; robot '{robot.name}' has none (it has {has})")
         for part in sorted(_driven(step) - robot.parts - robot.others.keys() - KINDS.keys() - named.keys()):
@@ -86,10 +94,71 @@ def _driven(step: Step) -> frozenset[str]:
 
 
 def check_reach(notes: Notes, tree: Step, robot: Target) -> None:
-    """Note what each leaf asks of the robot's joints that they cannot do, as far as its arguments are known now."""
+    """Note what each leaf asks of the robot's joints that they cannot do, as far as its arguments are known now.
+
+    A selector has something else to do where its alternative fails at once: that is a hint, of ``impossible``.
+    """
+    excused = set(map(id, _begun_with_others_left(tree)))
     for step in tree.walk():
-        for misfit in _misfits(step, robot.reaches):
-            notes.fault_at(step, f"'{step.kind}' cannot be done by robot '{robot.name}': {misfit}")
+        if id(step) not in excused and (misfits := _misfits(step, robot.reaches)):
+            notes.fault_at(step, _cannot(step, robot, misfits), _possible_gestures(notes, step, robot))
+
+
+def impossible(tree: Step, robot: Target) -> list[Diagnostic]:
+    """Return a hint for each alternative of a selector that fails on this robot, which lacks the part or the joints."""
+    return [
+        Diagnostic(
+            step.source, step.mark, _cannot(step, robot, why), "the next alternative of the selector is tried then"
+        )
+        for step in _begun_with_others_left(tree)
+        if (why := _missing(step, robot) or _misfits(step, robot.reaches))
+    ]
+
+
+def _begun_with_others_left(tree: Step) -> Iterator[Step]:
+    """Yield the leaves with which an alternative of a selector begins that is not its last."""
+    for step in tree.walk():
+        if step.kind == "selector":
+            for child in step.children[:-1]:
+                yield from _first_leaves(child)
+
+
+def _first_leaves(step: Step) -> Iterator[Step]:
+    """Yield the leaves that are ticked when a step starts."""
+    if step.leaf is not None:
+        yield step
+    elif step.kind in AT_ONCE or step.kind in MODIFIERS:
+        for child in step.children:
+            yield from _first_leaves(child)
+    elif step.kind in COMPOSITES and COMPOSITES[step.kind].order == "in order":
+        yield from _first_leaves(step.children[0])
+
+
+def _missing(step: Step, robot: Target) -> list[str]:
+    """Return what a leaf drives that the robot has not got."""
+    return [f"it has no {part}" for part in sorted(step.own_needs & _driven(step) - robot.parts - robot.others.keys())]
+
+
+def _cannot(step: Step, robot: Target, why: Sequence[str]) -> str:
+    return f"'{step.kind}' cannot be done by robot '{robot.name}': {'; '.join(why)}"
+
+
+def _possible_gestures(notes: Notes, step: Step, robot: Target) -> str:
+    """Name the gestures that the robot can do instead of a step that plays one; nothing for any other step."""
+    declared = {} if step.leaf is None else step.leaf.arguments
+    played = next((name for name, each in declared.items() if each.kind in ("gesture", "move")), "")
+    if not played or "gesture" not in notes.things:
+        return ""
+    able = []
+    for name in {**own_files("gestures"), **shipped("gestures")}:
+        try:
+            instead = Value(notes.things["gesture"](name))
+        except LookupError:  # one with mistakes, which `mission list gestures` tells
+            continue
+        other = replace(step, arguments={**step.arguments, played: instead})
+        if not _misfits(other, robot.reaches):
+            able.append(name)
+    return f"it can do: {', '.join(able)}" if able else "it can do none that there is: `mission servo record` makes one"
 
 
 def check_necks(notes: Notes, tree: Step, robot: Target) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from behaviours.leaf import Leaf
 from config.cases import CommonKeys, SuiteKeys
+from config.defaults import DefaultsKeys, load_defaults
 from config.faults import InvalidFileError, note, one_of
 from config.fields import Fields
 from config.library import DEFAULT_ROBOT, DEFAULT_WORLD, UnknownNameError, find
@@ -21,7 +22,7 @@ from missions.language.nodes import MODIFIERS
 from missions.language.plan import Plan, Step
 from missions.language.written import as_written
 from missions.library.drivers import load_robot
-from missions.library.shipped import behaviour_files, find_mission, load_mission
+from missions.library.shipped import HERE, behaviour_files, find_mission, load_mission
 from missions.library.target import target_of
 from missions.library.vocabulary import vocabulary
 from missions.testing.expectations import Grammar
@@ -79,6 +80,9 @@ class Context:
     mission: str
     behaviours: Sequence[Path] = ()
     leaves: Named[str, type[Leaf]] = field(default_factory=dict)
+    robot: str | None = None
+    """The robot, and the world, of a case that names none: those that `mission run` takes, but in tests that ship."""
+    world: str | None = None
     plans: dict[tuple[str, frozenset[tuple[str, str]]], Plan] = field(default_factory=dict, compare=False)
     """The missions that are right, by robot and params: most cases of a file share one."""
 
@@ -94,12 +98,13 @@ class Context:
         except UnknownNameError as error:
             fields.fault((fields.node_of("tests") or fields.node).mark, str(error))
         files = behaviour_files(mission, files) if mission else files
-        return cls(folder, mission, tuple(files), vocabulary(files))
+        own = DefaultsKeys() if folder.resolve().is_relative_to(HERE) else load_defaults()
+        return cls(folder, mission, tuple(files), vocabulary(files), own.robot or None, own.world or None)
 
     def setting(self, fields: Fields, told: CommonKeys) -> Setting:
         """Return where a case plays, and check its mission with that robot and those params."""
-        robot = self._named(fields, "robot", told.robot, load_robot)
-        world = self._named(fields, "world", told.world, load_world)
+        robot = self._named(fields, "robot", told.robot, load_robot) or self.robot
+        world = self._named(fields, "world", told.world, load_world) or self.world
         of = robot or DEFAULT_ROBOT
         config = load_robot(find("robots", of))
         params = self._params(fields)

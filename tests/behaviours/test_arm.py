@@ -138,7 +138,7 @@ def test_all_that_does_not_fit_is_told_at_once() -> None:
     leaf = waving(bench, Movement("clap", "", frames))
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == (
-        "elbow at -11.5 deg is outside its limits (0 deg to 126.1 deg); the arm has no joint 'hand'; "
+        "the arm has no joint 'hand'; elbow at -11.5 deg is outside its limits (0 deg to 126.1 deg); "
         "shoulder at 171.9 deg is outside its limits (-57.3 deg to 114.6 deg)"
     )
 

@@ -46,7 +46,7 @@ def test_every_goal_beyond_a_limit_and_every_speed_is_told_before_anything_moves
     leaf = moving(bench, {"elbow": -0.5, "hand": 1.0, "shoulder": 0.0}, speed=2.5)
     assert bench.tick(leaf) is FAILURE
     assert leaf.reason == (
-        "elbow at -28.6 deg is outside its limits (0 deg to 126.1 deg); the arm has no joint 'hand'; "
+        "the arm has no joint 'hand'; elbow at -28.6 deg is outside its limits (0 deg to 126.1 deg); "
         "shoulder at 143.2 deg/s is faster than it goes (114.6 deg/s)"
     )
     assert bench.arm.commands == []

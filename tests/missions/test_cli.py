@@ -137,7 +137,7 @@ def test_a_mission_that_the_robot_cannot_do_does_not_run(mission: Mission) -> No
     Path("legless.yaml").write_text("robot: legless\nvoice: {driver: print}\n")
     outcome = mission("run", "greet", "--robot", "legless.yaml", "--simulate")
     assert outcome.code == 2
-    assert "'gesture' needs an arm; robot 'legless' has none" in outcome.err
+    assert "'find_face' needs a head; robot 'legless' has none" in outcome.err
 
 
 def test_the_json_summary_is_the_last_line_and_alone_on_stdout(mission: Mission) -> None:

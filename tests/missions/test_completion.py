@@ -94,7 +94,7 @@ def test_a_true_bash_completes_commands_missions_robots_worlds_gestures_params_a
         "mission person remove ''",
     ) == [
         "studio",
-        "greet_by_name greet_by_turning greet_everybody greet_with_a_nod",
+        "greet_by_name greet_by_turning greet_everybody",
         "my_tour.yaml",
         "turtlebot2_arm",
         "turtlebot2_arm",

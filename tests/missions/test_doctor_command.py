@@ -2,6 +2,7 @@
 
 import ast
 import json
+import os
 import re
 import shlex
 from collections.abc import Callable, Iterator
@@ -22,6 +23,7 @@ from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal, WireDevice
 from missions.assembly.checkup import Checked
+from missions.assembly.installed import own_folders
 from missions.assembly.lags import ENOUGH, Lags
 from missions.cli.doctor.report import anonymous, report, secrets
 from missions.library.drivers import load_robot
@@ -369,3 +371,17 @@ def test_the_doctor_tells_the_truth_about_the_robot_of_this_computer(mission: Mi
         in mission(*at).out
     )
     assert "this computer's own" not in mission("--robot", "kit.yaml", *at).out
+
+
+def test_a_folder_that_cannot_be_written_is_wrong(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert list(own_folders()) == []
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
+    (found,) = own_folders()
+    assert (found.verdict, found.what) == (
+        "wrong", f"{tmp_path}/file/missiontree, of the state: {tmp_path}/file is no folder"
+    )  # fmt: skip
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    monkeypatch.setattr(os, "access", lambda path, _: Path(path) != tmp_path)  # root may write everywhere
+    (found,) = own_folders()
+    assert found.what.endswith(f"of the state: {tmp_path} cannot be written")

@@ -38,7 +38,7 @@ def test_a_robot_that_is_used_is_the_one_that_is_meant_by_mine(mission: Mission)
     told = mission("robot", "use", "humanoid")
     assert told.code == 0
     assert "humanoid is this computer's robot now" in told.out
-    assert "next: mission run wave --on-robot" in told.out, "greet is not for humanoids"
+    assert "next: mission run greet --on-robot" in told.out
     assert load_defaults().robot == "humanoid"
     shown = mission("robot", "show").out
     assert shown.startswith("humanoid  ")
@@ -99,6 +99,38 @@ def test_an_error_about_a_robot_that_was_not_named_says_where_its_name_is_from(m
             assert note in told.err, line
             assert "`mission robot use --none` forgets it" in told.err, line
     assert "the robot is" not in mission("run", "square_3m", "--simulate", "fast", "--robot", "so101").err
+
+
+def test_all_commands_simulate_this_computers_own_robot(mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "dance.yaml").write_text("mission: dance\ntree:\n  gesture: arm_wave\n")
+    (tmp_path / "dance.test.yaml").write_text("tests: dance\ncases:\n  - {case: it waves, expect: {result: success}}\n")
+    dance, tests = str(tmp_path / "dance.yaml"), str(tmp_path / "dance.test.yaml")
+    lines = (
+        ("run", dance, "--simulate", "fast"),
+        ("check", dance),
+        ("verify", dance),
+        ("test", "-j", "1", tests),
+        ("sweep", dance, "--runs", "1", "--jobs", "1", "--output", str(tmp_path / "sweep")),
+    )
+    assert {line[0]: mission(*line).code for line in lines} == dict.fromkeys(
+        ("run", "check", "verify", "test", "sweep"), 2
+    )
+    mission("robot", "use", "so101")
+    assert {line[0]: mission(*line).code for line in lines} == dict.fromkeys(
+        ("run", "check", "verify", "test", "sweep"), 0
+    )
+    assert mission("test", "-j", "1", "greet", "-k", "told to say").code == 0, "tests that ship keep their robot"
+
+
+def test_a_robot_of_ones_own_that_is_gone_is_told_once_by_every_command(mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "still.yaml").write_text("mission: still\ntree: succeed\n")
+    still = str(tmp_path / "still.yaml")
+    mission("robot", "use", "so101")
+    file = config_folder() / "defaults.yaml"
+    file.write_text(file.read_text().replace("so101", "gone"))
+    for line in (("run", still), ("check", still), ("sweep", still), ("robot", "show"), ("robot", "check")):
+        told = mission(*line)
+        assert (told.code, told.err.count("robot use --none")) == (2, 1), line
 
 
 def test_an_error_about_the_usual_robot_names_it(mission: Mission) -> None:
@@ -232,5 +264,8 @@ def test_a_default_that_cannot_be_kept_is_told_with_its_file_and_what_to_type(mi
     config_folder().touch()
     told = mission("robot", "use", "turtlebot2")
     assert told.code == 2
-    assert f"{config_folder() / 'defaults.yaml'}: there is no folder {config_folder()}" in told.err
-    assert "try: mkdir -p" in told.err
+    assert (
+        f"{config_folder() / 'defaults.yaml'}: there is no folder {config_folder()}: {config_folder()} is in the way"
+        in told.err
+    )
+    assert f"try: ls -l {config_folder()}" in told.err

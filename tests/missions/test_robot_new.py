@@ -245,10 +245,10 @@ def test_a_car_that_is_not_plugged_in_is_made_like_a_known_one(
     assert {kind: section.driver.name for kind, section in config.sections.items()} == {
         kind: section.driver.name for kind, section in load_robot(find("robots", model)).sections.items()
     }
-    greeting = {"pi_car": "greet_with_a_nod", "wave_rover": "greet_by_turning"}[model]
+    greeting = {"pi_car": "greet", "wave_rover": "square_3m"}[model]
     assert f"mission run {greeting} --robot beep --simulate" in capsys.readouterr().out
     if model == "pi_car":
-        ran = command(capsys, "run", "greet_with_a_nod", "--simulate", "fast", "--eyes", "truth")
+        ran = command(capsys, "run", "greet", "--simulate", "fast", "--eyes", "truth")
         assert ran.code == 0, ran.err
         assert "Hello!" in ran.out
 
@@ -637,3 +637,18 @@ def test_a_neck_without_an_arm_is_left_out(bench: Workbench, capsys: pytest.Capt
     bench.session(Person(answers, stays=MOST))
     assert load_robot(find("robots", "kit")).parts == {"voice"}
     assert "this robot has no arm" in capsys.readouterr().out
+
+
+def test_answers_that_cannot_be_kept_are_said_to_be_lost_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "state").touch()  # no folder, so that nothing can be written in it
+    talk = Dialogue(tmp_path / "state" / "robot_new.json")
+    for key in ("name", "like"):
+        talk.keep(key, "kit")
+    assert not talk.kept
+    assert capsys.readouterr().out.count("answers cannot be kept") == 1
+    (tmp_path / "state").unlink()
+    talk.keep("base", "none")
+    assert talk.kept
+    assert Dialogue(tmp_path / "state" / "robot_new.json").knows("name")  # type: ignore[unreachable]

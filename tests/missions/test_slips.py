@@ -10,7 +10,7 @@ import pytest
 
 from drivers.errors import NotConnected
 from drivers.ports import LISTED, open_port, other_than_serial
-from missions.cli.numbers import Real, Whole
+from missions.cli.numbers import InUnit, Real, Whole
 from missions.cli.root import mission as root
 from tests.missions.command import Outcome, command
 
@@ -117,7 +117,7 @@ def test_a_pseudo_terminal_may_be_a_port_and_so_may_what_is_not_there_yet() -> N
 def test_numbers_are_written_in_plain_digits(mission: Mission, line: str) -> None:
     outcome = mission(*line.split())
     assert outcome.code == 2
-    assert f"{line.rsplit(maxsplit=1)[-1]!r} is not a " in outcome.err
+    assert f"{line.rsplit(maxsplit=1)[-1]!r} is not a" in outcome.err
 
 
 def test_every_number_of_a_command_is_read_in_plain_digits() -> None:
@@ -131,3 +131,27 @@ def test_every_number_of_a_command_is_read_in_plain_digits() -> None:
     numbers = [kind for kind in kinds if kind.name.partition(" ")[0] in ("integer", "float")]
     assert len(numbers) > 20
     assert [kind for kind in numbers if not isinstance(kind, Whole | Real)] == []
+
+
+@pytest.mark.parametrize(
+    ("unit", "text", "found"),
+    [
+        ("deg", "20 deg", 20.0),
+        ("deg", "-0.5 rad", -28.6479),
+        ("deg", "20", 20.0),
+        ("s", "2 min", 120.0),
+        ("s", "500 ms", 0.5),
+        ("s", "1.5", 1.5),
+        ("Hz", "5 Hz", 5.0),
+    ],
+)
+def test_an_option_takes_a_quantity_as_missions_have_it(unit: str, text: str, found: float) -> None:
+    assert InUnit(unit).convert(text, None, None) == pytest.approx(found)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("20 m", "not an angle, such as '30 deg'"), ("twenty", "not an angle"), ("2 rad", "range")]
+)
+def test_an_option_refuses_another_dimension_and_what_is_out_of_range(text: str, said: str) -> None:
+    with pytest.raises(click.BadParameter, match=said):
+        InUnit("deg", -45.0, 45.0).convert(text, None, None)

@@ -12,13 +12,14 @@ from config.defaults import FILE, config_folder, load_defaults
 from config.faults import InvalidFileError
 from config.library import MINE, UnknownNameError, find
 from config.robot import RobotConfig
+from config.saving import PRIVATE, save_file
 from drivers.api.findings import Finding, wrong
 from drivers.clock import SystemClock, time_of_day
 from drivers.finding.fitness import fitness
 from drivers.finding.machine import Machine
 from drivers.finding.survey import survey
 from missions.assembly.checkup import Checked, check_robot
-from missions.assembly.installed import installation
+from missions.assembly.installed import installation, own_folders
 from missions.cli.console import echo
 from missions.cli.doctor.moving import tried
 from missions.cli.doctor.report import anonymous, report, secrets
@@ -29,7 +30,6 @@ from missions.cli.outputs import writing
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
 from missions.library.folders import checkup_file, state_folder
-from missions.records.recording.outputs import write_private
 
 COMPUTER = "computer"
 """What is told as the part of findings that are of no part of the robot."""
@@ -82,7 +82,7 @@ def _end(
         click.echo(f"{wrong} wrong, {warnings} warning{'s' * (warnings != 1)}, {len(found) - wrong - warnings} ok")
     if file is not None:
         with writing(file, "--report"):
-            file.write_text(report(machine, found), encoding="utf-8")
+            save_file(file, report(machine, found))
         click.echo(f"wrote {file}; look through it before you send it", err=as_json)
     return FAILURE if wrong else SUCCESS
 
@@ -94,7 +94,7 @@ def _keep(machine: Machine, config: RobotConfig | None, found: list[Checked]) ->
     told = {"at": time_of_day().isoformat(timespec="seconds"), "robot": config.name if config else "", "ailing": lines}
     with suppress(OSError):  # without a home, or on a full disk: the check-up itself is what counts
         checkup_file().parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        write_private(checkup_file(), anonymous(json.dumps(told), secrets(machine)).encode())
+        save_file(checkup_file(), anonymous(json.dumps(told), secrets(machine)).encode(), PRIVATE)
 
 
 def _config(robot: str | None) -> tuple[RobotConfig | None, Finding]:
@@ -133,7 +133,7 @@ def _all(
     clock, now = SystemClock(), time_of_day().timestamp()
     installed = Path(__file__).stat().st_mtime
     computer = fitness(machine, survey(machine), now=now, installed=installed, folder=state_folder())
-    yield from (Checked(COMPUTER, finding) for finding in (*installation(), *computer))
+    yield from (Checked(COMPUTER, finding) for finding in (*installation(), *own_folders(), *computer))
     yield Checked(COMPUTER, whose)
     if config is None:
         return

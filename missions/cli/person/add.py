@@ -15,7 +15,7 @@ from drivers.errors import BadRequest, NotConnected
 from drivers.voice.make import Wish, make_voice
 from missions.assembly.detectors import face_detector
 from missions.cli.names import PERSON
-from missions.cli.numbers import Real, Whole
+from missions.cli.numbers import InUnit, Whole
 from missions.cli.person.asked import camera_of, judged_otherwise, people_for, robot_option, saying_why, tell
 from missions.cli.person.taking import TOO_SOON, Taking
 from missions.cli.root import SUCCESS
@@ -39,7 +39,11 @@ LIMIT = 200
 @click.option("--camera", "source", metavar="SOURCE", help="Its number or device, or a film. Else the robot's, or 0.")
 @click.option("--count", default=12, show_default=True, type=Whole(FEWEST, 100), help="Pictures to take.")
 @click.option(
-    "--seconds", type=Real(min=1.0), default=120.0, show_default=True, help="How long to look through a camera at most."
+    "--seconds",
+    type=InUnit("s", 1.0),
+    default=120.0,
+    show_default=True,
+    help="How long a camera looks at most.",
 )
 @click.option("--say", "aloud", is_flag=True, help="Say aloud what to do before the camera, too.")
 @robot_option

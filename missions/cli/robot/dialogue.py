@@ -1,14 +1,15 @@
 """Questions at the terminal whose answers are kept: a dialogue can be left at any moment, and taken up again."""
 
 import json
-import os
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import click
 
+from config.saving import save_file
 from missions.cli.keys import Keys
 
 LOOK = 0.05
@@ -27,20 +28,20 @@ class Dialogue:
         self.asked = 0
         self._kept = kept
         self._answers: dict[str, Any] = {}
-        if kept.is_file():
-            try:
+        self._unkept = False
+        with suppress(OSError, ValueError, TypeError, RecursionError):  # none, or not to be read: as if there were none
+            if kept.is_file():
                 self._answers = dict(json.loads(kept.read_text(encoding="utf-8")))
-            except (
-                ValueError,
-                TypeError,
-                RecursionError,
-            ):  # cut off by a full disk, or no answers: as if there were none
-                self._answers = {}
 
     @property
     def begun(self) -> bool:
-        """Whether there are answers from before."""
+        """Whether there are answers, from before or of now."""
         return bool(self._answers)
+
+    @property
+    def kept(self) -> bool:
+        """Whether there are answers, and the next dialogue will have them all."""
+        return self.begun and not self._unkept
 
     def tell(self, *lines: str) -> None:
         """Say something."""
@@ -126,18 +127,23 @@ class Dialogue:
         look()
 
     def keep(self, key: str, answer: Any) -> None:
-        """Keep an answer, whole or not at all."""
+        """Keep an answer, whole or not at all; where that cannot be, for this dialogue only."""
         self._answers[key] = answer
-        self._kept.parent.mkdir(parents=True, exist_ok=True)
-        beside = self._kept.with_suffix(".new")
-        beside.write_text(json.dumps(self._answers, ensure_ascii=False, indent=1), encoding="utf-8")
-        os.replace(beside, self._kept)  # noqa: PTH105 - Path.replace is the same
+        try:
+            self._kept.parent.mkdir(parents=True, exist_ok=True)
+            save_file(self._kept, json.dumps(self._answers, ensure_ascii=False, indent=1))
+            self._unkept = False
+        except OSError as error:
+            if not self._unkept:
+                self.tell(f"answers cannot be kept: {self._kept}: {error.strerror or error}")
+            self._unkept = True
 
     def forget(self, beginning: str = "") -> None:
         """Forget the answers whose keys begin so; all of them, and the file, for nothing."""
         self._answers = {key: answer for key, answer in self._answers.items() if not key.startswith(beginning)}
         if not self._answers:
-            self._kept.unlink(missing_ok=True)
+            with suppress(OSError):
+                self._kept.unlink(missing_ok=True)
 
     def _asked(self, question: str, default: str | None) -> str:
         if self.yes:

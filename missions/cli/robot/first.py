@@ -11,13 +11,11 @@ from missions.library.target import target_of
 
 FIRST: Sequence[tuple[str, Mapping[str, str]]] = (
     ("greet", {}),
+    ("square_3m", {}),
     ("wave", {}),
     ("wave", {"gesture": "hello"}),
     ("wave", {"gesture": "arm_wave"}),
-    ("greet_with_a_nod", {}),
-    ("greet_by_turning", {}),
     ("look_around", {}),
-    ("square_3m", {}),
 )
 """Missions with params, of which the first that a robot can do is proposed."""
 

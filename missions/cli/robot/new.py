@@ -12,6 +12,7 @@ from config.editing import NotEditableError
 from config.faults import InvalidFileError, Source
 from config.library import shipped
 from config.robot import RobotConfig
+from config.saving import save_file
 from config.writing import write_new
 from drivers.api.driver import Driver
 from drivers.dynamixel.declared import DynamixelKeys
@@ -63,7 +64,8 @@ def new(yes: bool, fresh: bool, output: Path | None, root: Path) -> int:
         with interruptible():
             return dialogue(talk, Machine(root), output)
     except (click.Abort, KeyboardInterrupt):
-        click.echo("\nyour answers are kept; `mission robot new` goes on from here, --fresh begins anew", err=True)
+        kept = "your answers are kept; `mission robot new` goes on from here, --fresh begins anew"
+        click.echo(f"\n{kept if talk.kept else 'no answers are kept'}", err=True)
         raise
 
 
@@ -200,7 +202,7 @@ def _written(
     rules = udev_rules(name, {kind: part.port for kind, part in parts.items() if part.port is not None})
     if rules:
         beside = path.with_suffix(".rules")
-        beside.write_text(rules, encoding="utf-8")
+        save_file(beside, rules)
         talk.tell(f"wrote {beside}: names, rights and speed of its ports; to install it:")
         talk.tell(f"  sudo cp {beside} /etc/udev/rules.d/99-{name}.rules && sudo udevadm control --reload")
     called = name if path.parent == config_folder() / "robots" else str(path)

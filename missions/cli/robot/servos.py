@@ -2,11 +2,10 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
-from math import radians
+from math import ceil, degrees, floor, radians
 from typing import Any
 
 from config.robot import RobotConfig
-from config.units import written
 from drivers.clock import SystemClock
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.census import Found, census
@@ -183,7 +182,8 @@ def find_limits(
         if new.ticks is not None:
             kept[joint]["ticks"] = {"init": new.ticks.init, "min": new.ticks.min, "max": new.ticks.max}
         else:
-            kept[joint]["limits"] = [written(new.lower, "angle"), written(new.upper, "angle")]
+            lower, upper = ceil(10 * degrees(new.lower)) / 10, floor(10 * degrees(new.upper)) / 10  # never beyond
+            kept[joint]["limits"] = [f"{lower + 0.0:g} deg", f"{upper + 0.0:g} deg"]
     part.section["joints"] = kept
 
 

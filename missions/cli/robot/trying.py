@@ -1,11 +1,11 @@
 """What is tried out while a robot file is made: which way the head turns, how it sits, what the camera sees."""
 
 from collections.abc import Mapping
-from math import radians
+from math import degrees, radians
 from typing import Any
 
 from config.robot import RobotConfig, Section
-from config.units import in_dimension, written
+from config.units import in_dimension
 from drivers.api import HeadPose
 from drivers.api.driver import Site, resolved
 from drivers.arduino.declared import TwoServoKeys
@@ -75,7 +75,7 @@ def _correct(parts: Mapping[str, Part], head: Part, axis: str, *, turned: bool, 
     if trim:
         trim = -trim if section.get("flip", False) else trim  # it is told in the servo's own direction
         before = in_dimension(section["trim"], "angle") if "trim" in section else 0.0
-        section["trim"] = written(before + trim, "angle")
+        section["trim"] = f"{round(degrees(before + trim), 1) + 0.0:g} deg"
     head.section[axis] = section
 
 

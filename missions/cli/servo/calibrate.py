@@ -12,7 +12,7 @@ from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
 from drivers.errors import BadRequest, NoReply
 from drivers.feetech.declared import FeetechKeys
-from missions.cli.numbers import Real
+from missions.cli.numbers import InUnit
 from missions.cli.outputs import check_writable
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.servo.bench import Bench, opened_bus
@@ -54,9 +54,9 @@ class Turned:
 @target_options
 @click.argument("joints", nargs=-1, metavar="[JOINT|GROUP]...")
 @click.option("--zero", is_flag=True, help="Also take where the arm stands at the start for 0 of every joint.")
-@click.option("--margin", type=Real(0.0, 20.0), default=2.0, show_default=True, metavar="DEG",
+@click.option("--margin", type=InUnit("deg", 0.0, 20.0), default=2.0, show_default=True, metavar="DEG",
               help="How far before the ends that are touched the limits lie.")  # fmt: skip
-@click.option("--seconds", type=Real(min=0.1), metavar="N", help="Watch for so long; else until Enter.")
+@click.option("--seconds", type=InUnit("s", 0.1), metavar="N", help="Watch for so long; else until Enter.")
 @hold_option
 def calibrate(
     target: Target, joints: tuple[str, ...], zero: bool, margin: float, seconds: float | None, yes: bool

@@ -15,7 +15,7 @@ from drivers.dynamixel.settings import Change, apply, planned
 from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply
 from drivers.feetech.calibration import HALF_TURN, LAST, MotorCalibration, load, text
 from drivers.feetech.declared import FeetechKeys
-from missions.cli.numbers import Real
+from missions.cli.numbers import InUnit
 from missions.cli.outputs import check_writable, save
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.servo import origin
@@ -90,9 +90,9 @@ def offset_for(shown: int, before: int) -> int:
               "that were calibrated.")  # fmt: skip
 @click.option("--no-stops", "endless", multiple=True, metavar="JOINT", help="A joint that turns all the way round, "
               "such as wrist_roll: its range is the whole turn, and it need not be turned.")  # fmt: skip
-@click.option("--margin", type=Real(0.0, 20.0), default=2.0, show_default=True, metavar="DEG",
+@click.option("--margin", type=InUnit("deg", 0.0, 20.0), default=2.0, show_default=True, metavar="DEG",
               help="How far before the ends that are touched the limits lie.")  # fmt: skip
-@click.option("--seconds", type=Real(min=0.1), metavar="N",
+@click.option("--seconds", type=InUnit("s", 0.1), metavar="N",
               help="Take where the arm stands for its middle, and watch for so long; else until Enter.")  # fmt: skip
 @click.option("--yes", is_flag=True, help="Ask nothing: somebody holds the arm, and the EEPROM may be written.")
 def home(

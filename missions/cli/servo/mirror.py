@@ -11,7 +11,7 @@ from behaviours.joint_motion import Mirroring, by_range, spans
 from drivers.api import Coupling, JointLimits
 from drivers.dynamixel.driver import DynamixelJoints
 from drivers.errors import NotConnected
-from missions.cli.numbers import Real
+from missions.cli.numbers import InUnit
 from missions.cli.root import SUCCESS
 from missions.cli.servo.bench import Arm, opened_arms
 from missions.cli.servo.target import ARM, Target, target_options
@@ -31,7 +31,7 @@ GLANCE = 0.1
 @click.option("--leader-port", metavar="PATH", help="Where the leader is plugged in, instead of what its file says.")
 @click.option("--by-range", "ranged", multiple=True, default=["gripper"], show_default=True, metavar="JOINT",
               help="A joint that goes as far through its range as its leader, not to the same angle.")  # fmt: skip
-@click.option("--seconds", type=Real(min=0.1), metavar="N", help="Mirror for so long; else until Enter.")
+@click.option("--seconds", type=InUnit("s", 0.1), metavar="N", help="Mirror for so long; else until Enter.")
 @hold_option
 def mirror(
     target: Target,

@@ -8,7 +8,7 @@ from rich.live import Live
 from rich.text import Text
 
 from missions.cli.console import console
-from missions.cli.numbers import Real
+from missions.cli.numbers import InUnit
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.servo.bench import Bench, opened_bus, pause
 from missions.cli.servo.reading import Felt, feel, table_of
@@ -20,7 +20,7 @@ from missions.cli.servo.target import Target, target_options
 @click.argument("joints", nargs=-1, metavar="[JOINT|GROUP]...")
 @click.option("--once", is_flag=True, help="Print one table, and end.")
 @click.option("--json", "as_json", is_flag=True, help="A line of JSON a round, in SI units; angles in radians.")
-@click.option("--rate", type=Real(0.1, 50.0), default=5.0, show_default=True, help="Rounds a second.")
+@click.option("--rate", type=InUnit("Hz", 0.1, 50.0), default=5.0, show_default=True, help="Rounds a second.")
 def monitor(target: Target, joints: tuple[str, ...], once: bool, as_json: bool, rate: float) -> int:
     """Show what the joints feel, live.
 

@@ -15,7 +15,7 @@ from behaviours.tracking_error import Sample
 from config.library import find, shipped
 from drivers.api import Gesture, JointLimits
 from missions.cli.names import GESTURE
-from missions.cli.numbers import Real
+from missions.cli.numbers import InUnit, Real
 from missions.cli.outputs import check_writable
 from missions.cli.root import SUCCESS
 from missions.cli.servo.running import run_leaf
@@ -34,7 +34,7 @@ Curves = Mapping[str, tuple[Sequence[float], Sequence[float]]]
 @partial(target_options, baud=False)
 @click.argument("name", type=GESTURE, metavar="NAME|FILE")
 @click.option("--speed", type=Real(0.05, 2.0), default=1.0, show_default=True, help="Times its own speed.")
-@click.option("--rate", type=Real(min=0.1), metavar="HZ", help="Rows a second of a spreadsheet that does "
+@click.option("--rate", type=InUnit("Hz", 0.1), metavar="HZ", help="Rows a second of a spreadsheet that does "
               "not say when they are.")  # fmt: skip
 @click.option("--dry-run", is_flag=True, help="Move nothing: check it for the robot, and print what would be sent.")
 @click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Draw it, and what was "

@@ -9,7 +9,7 @@ from config.writing import gesture_text
 from drivers.api import Joints
 from drivers.clock import Clock
 from drivers.dynamixel.models import MODELS
-from missions.cli.numbers import Real
+from missions.cli.numbers import InUnit
 from missions.cli.outputs import check_writable, save
 from missions.cli.root import FAILURE, SUCCESS
 from missions.cli.servo.bench import opened_arm
@@ -23,7 +23,7 @@ from missions.hands.moves.record import Recording
 @click.argument("name")
 @click.option("--joint", "names", multiple=True, metavar="JOINT", help="Record this one, or a group. Repeat it for "
               "more; all without it.")  # fmt: skip
-@click.option("--seconds", type=Real(min=0.1), metavar="N", help="Record for so long; else until Enter.")
+@click.option("--seconds", type=InUnit("s", 0.1), metavar="N", help="Record for so long; else until Enter.")
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Where it is "
               "written; NAME.yaml without it.")  # fmt: skip
 @click.option("--force", is_flag=True, help="Write over a file that is there.")

@@ -26,9 +26,8 @@ GREETING = {
     "1.1.1": Now("success", "a face at 12 deg", 3.1),
     "1.2": Now("running", "", 3.1),
     "1.2.1": Now("running", "off by 4 deg", 3.1),
-    "1.2.2": Now("running", "", 5.0),
-    "1.2.2.1": Now("failure", "held for 0.3 s", 5.0),
-    "1.2.2.1.1": Now("failure", "off by 7 deg", 5.0),
+    "1.2.2": Now("failure", "held for 0.3 s", 5.0),
+    "1.2.2.1": Now("failure", "off by 7 deg", 5.0),
 }
 """How the nodes of the mission "greet" may stand 6.25 s into a run: in all ways but suspended."""
 
