@@ -7,6 +7,7 @@ from pathlib import Path
 
 import cv2
 
+from drivers.access import explain_denied
 from drivers.api import Image
 from drivers.camera.decode import grab, opened
 from drivers.camera.source import Kind, Source, advice, is_live, is_number, kind_of, shown
@@ -70,12 +71,12 @@ class VideoFeed:
             return
         device = self._kind is Kind.DEVICE
         if not Path(self._what).exists():
-            what, hint = ("no such device", "`ls -l /dev/video*` lists the cameras that are there") if device else (
+            what, hint = ("no such device", "`mission ports` lists the cameras that are there") if device else (
                 "no such file", f"`ls {Path(self._what).parent}` lists what is there")  # fmt: skip
             raise NotConnected(f"{self._name}: {self._what}: {what}", hint=hint)
         if not os.access(self._what, os.R_OK):
-            cure = "`sudo usermod -aG video $USER`, then log in again" if device else f"`ls -l {self._what}`"
-            raise NotConnected(f"{self._name}: {self._what}: permission denied", hint=cure)
+            why, hint = explain_denied(Path(self._what)) if device else ("permission denied", f"`ls -l {self._what}`")
+            raise NotConnected(f"{self._name}: {self._what}: {why}", hint=hint)
 
     def _opened(self) -> cv2.VideoCapture:
         if self._kind is Kind.DEVICE:

@@ -37,7 +37,7 @@ class Cable:
     """A ``Feed`` of pictures that may be unplugged."""
 
     what = "/dev/video9"
-    hint = "`ls -l /dev/video*` lists the cameras that are there"
+    hint = "`mission ports` lists the cameras that are there"
 
     def __init__(self, clock: Clock) -> None:
         self.plugged = True
