@@ -8,6 +8,7 @@ from elsewhere may listen, show what is served here as its own, or frame it.
 import logging
 import socket
 import sys
+from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import field
@@ -20,10 +21,16 @@ from drivers.clock import SystemClock
 
 EVENTS = "/events"
 TALKS = 32
-"""Browsers that are talked with at once, with those that listen: more are hung up on."""
+"""Browsers that are talked with at once, with those that listen. For one more, the oldest goes that has no answer."""
+
+LISTENERS = 4
+"""Pages that may listen at once."""
 
 REQUEST_TIMEOUT = 5.0
 """Seconds that a browser has to ask, and to take what it is sent, however slowly it goes on."""
+
+RETRY_INTERVAL = 0.1
+"""Seconds for which nobody is let in where the process has no descriptor left."""
 
 FAREWELL = 0.2
 """Seconds that all talks together have for their last words."""
@@ -42,7 +49,7 @@ Site = Mapping[str, Callable[[], Document]]
 
 
 @dataclass(slots=True)
-class _Talks:
+class Talks:
     """Who is being answered now."""
 
     lock: Lock = field(default_factory=Lock)
@@ -50,7 +57,22 @@ class _Talks:
     due: dict[socket.socket, float] = field(default_factory=dict)
     """When each has to have its answer; one that listens has time."""
 
-    listeners: int = 0
+    listeners: dict[socket.socket, str] = field(default_factory=dict)
+    """The address of each that listens."""
+
+    def listen(self, request: socket.socket, address: str) -> bool:
+        """Let a browser listen; return whether there is room, for which one of an address with more may have to go."""
+        with self.lock:
+            if len(self.listeners) >= LISTENERS:
+                [(busiest, count)] = Counter(self.listeners.values()).most_common(1)
+                if list(self.listeners.values()).count(address) + 1 >= count:
+                    return False
+                oldest = next(each for each, where in self.listeners.items() if where == busiest)
+                del self.listeners[oldest]
+                _cut(oldest)
+            self.listeners[request] = address
+            self.due.pop(request, None)
+            return True
 
 
 class PageServer:
@@ -78,7 +100,7 @@ class PageServer:
     @property
     def listeners(self) -> int:
         """How many pages listen."""
-        return 0 if self._server is None else self._server.talks.listeners
+        return 0 if self._server is None else len(self._server.talks.listeners)
 
     def open(self, host: str, port: int) -> None:
         """Serve at this port, 0 for any that is free. Raises OSError where that is not possible."""
@@ -108,12 +130,28 @@ class Server(ThreadingTCPServer):
         self.site, self.news, self.events = site, news, events
         self.clock = SystemClock()
         self.ending = Event()
-        self.talks = _Talks()
+        self.talks = Talks()
         super().__init__(at, BaseRequestHandler)
 
+    def get_request(self) -> tuple[Any, Any]:
+        """Accept. Without a descriptor left, nobody is let in for a moment: the socket stays ready all the time."""
+        try:
+            return super().get_request()
+        except OSError:
+            self.ending.wait(RETRY_INTERVAL)
+            raise
+
     def verify_request(self, request: Any, client_address: Any) -> bool:
-        """Say whether there is room for one more."""
+        """Return whether there is room for one more; the oldest without an answer is hung up on for that."""
         del request, client_address
+        with self.talks.lock:
+            oldest = next(iter(self.talks.due), None) if len(self.talks.sockets) >= TALKS else None
+            thread = None if oldest is None else self.talks.sockets.get(oldest)
+            if oldest is not None:
+                del self.talks.due[oldest]
+                _cut(oldest)
+        if thread is not None:
+            thread.join(FAREWELL)
         with self.talks.lock:
             return len(self.talks.sockets) < TALKS
 

@@ -6,16 +6,13 @@ from http.server import BaseHTTPRequestHandler
 from typing import Any
 from urllib.parse import urlsplit
 
-from drivers.screen.server import REQUEST_TIMEOUT, Server
+from drivers.screen.server import LISTENERS, REQUEST_TIMEOUT, Server
 
 PERIOD = 1 / 30
 """Seconds between two looks for news."""
 
 BEAT = 30
 """Looks without news after which the last is sent again: the page knows that the robot still runs."""
-
-LISTENERS = 4
-"""Pages that may listen at once."""
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; base-uri 'none'; "
@@ -71,12 +68,7 @@ class Talk(BaseHTTPRequestHandler):
     def _tell(self) -> None:
         """Send the news as they come, as long as the page listens; the last ones at the end too."""
         talks = self.server.talks
-        with talks.lock:
-            free = talks.listeners < LISTENERS
-            talks.listeners += free
-            if free:
-                talks.due.pop(self.request, None)
-        if not free:
+        if not talks.listen(self.request, self.client_address[0]):
             self.send_error(HTTPStatus.SERVICE_UNAVAILABLE, f"{LISTENERS} pages listen already")
             return
         try:
@@ -91,7 +83,7 @@ class Talk(BaseHTTPRequestHandler):
                     told, quiet = news, 0
         finally:
             with talks.lock:
-                talks.listeners -= 1
+                talks.listeners.pop(self.request, None)
 
 
 def _named_by_figures(host: str) -> bool:

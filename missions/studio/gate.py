@@ -15,6 +15,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from missions.studio.access import Access, SignIn
 from missions.studio.commands import Role
+from missions.studio.doors import Standing, Visit
 
 TOKEN, PROOF = "token", "proof"
 """Members of a query. The proof is that of the path; that of the websocket for the page, whose script keeps it."""
@@ -65,9 +66,11 @@ class Gate:
             return
         refusal = self._refusal(scope) or self._signed_in(scope)
         if refusal is None:
-            await self._app(scope, receive, _with_headers(send))
+            visit: Visit = scope["state"]["visit"]
+            visit.standing = max(visit.standing, Standing.SIGNED_IN if "role" in scope else Standing.VISITOR)
+            await self._app(scope, receive, _with_headers(send, HEADERS))
         else:
-            await refusal(scope, receive, _with_headers(send))
+            await refusal(scope, receive, _with_headers(send, {**HEADERS, "Connection": "close"}))
 
     def _refusal(self, scope: Scope) -> Response | None:
         """Return why nobody is to be answered who asks so."""
@@ -187,13 +190,13 @@ def _cookies(header: str, name: str) -> Iterator[str]:
             yield value
 
 
-def _with_headers(send: Send) -> Send:
+def _with_headers(send: Send, more: Mapping[str, str]) -> Send:
     """Return a ``send`` that puts our headers on each answer."""
 
     async def sent(message: Message) -> None:
         if message["type"] in ("http.response.start", "websocket.http.response.start"):
             headers = MutableHeaders(scope=message)
-            for name, value in HEADERS.items():
+            for name, value in more.items():
                 headers.setdefault(name, value)
         await send(message)
 

@@ -4,6 +4,7 @@ import asyncio
 import signal
 import socket
 import ssl
+import sys
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -11,22 +12,24 @@ from pathlib import Path
 from typing import Any
 
 import uvicorn
+from uvicorn.config import STARTUP_FAILURE
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from missions.library.folders import state_folder
 from missions.studio.access import Access
 from missions.studio.app import application
 from missions.studio.audit import Audit
+from missions.studio.doors import Doors, Visit
 from missions.studio.launch import Launcher
 from missions.studio.reader import Reader
 from missions.studio.reading import MAX_REFUSED_BYTES
 from missions.studio.studio import Studio
 
-MOST_CONNECTIONS = 200
-"""Connections at once; more are hung up on."""
-
 REQUEST_TIME = 5.0
 """Seconds that a browser has to ask, however slowly it goes on."""
+
+BACKLOG = 1024
+"""Connections that wait to be accepted: who finds no room there comes a second later, or is too late."""
 
 PING = 5.0
 """Seconds from one question whether a client is there to the next, and that it has to answer."""
@@ -67,15 +70,13 @@ class Place:
 
 
 class Guarded(H11Protocol):
-    """A connection that is hung up on when there are too many, or when it does not ask in time."""
+    """A connection that is hung up on when it does not ask in time."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin, if there is room."""
+        """Begin."""
         super().connection_made(transport)
-        if len(self.connections) > MOST_CONNECTIONS:
-            transport.abort()
-        else:
-            self._watch()
+        self.app_state["visit"].transport = transport
+        self._watch()
 
     def on_response_complete(self) -> None:
         """Wait for the next request, for no longer than for the first."""
@@ -93,7 +94,22 @@ class Guarded(H11Protocol):
 
 
 class Server(uvicorn.Server):
-    """uvicorn's server, which a signal ends in good order, and no more."""
+    """uvicorn's server, which a signal ends in good order, and no more. It accepts by ``Doors``."""
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Begin to accept."""
+        await self.lifespan.startup()
+        if self.lifespan.should_exit:
+            sys.exit(STARTUP_FAILURE)
+
+        def protocol(visit: Visit) -> asyncio.Protocol:
+            return Guarded(self.config, self.server_state, {**self.lifespan.state, "visit": visit})
+
+        doors: Any = Doors(protocol, self.config.ssl)
+        for each in sockets or ():
+            doors.open(each)
+        self.servers = [doors]
+        self.started = True
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -121,7 +137,7 @@ def listening(place: Place) -> socket.socket:
         found.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # else an answer behind a message waits for 40 ms
         found.bind((place.host, place.port))
-        found.listen()  # at once: two sockets that do not listen yet may have the same port
+        found.listen(BACKLOG)  # at once: two sockets that do not listen yet may have the same port
     except BaseException:
         found.close()
         raise
@@ -139,7 +155,7 @@ def config_of(place: Place, make: Any) -> uvicorn.Config:
         )
     return uvicorn.Config(
         app,
-        http=Guarded,
+        http="h11",
         ws="websockets-sansio",
         ws_max_size=MAX_REFUSED_BYTES,
         ws_max_queue=16,

@@ -4,14 +4,14 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-COUNT = 16
+RESERVED_DESCRIPTORS = 64
 """How many are kept: a folder, a note and a socket for each of some runs at the same time."""
 
 
 class SpareDescriptors:
     """Holds descriptors, and lends their numbers while something important is done. For one thread."""
 
-    def __init__(self, count: int = COUNT) -> None:
+    def __init__(self, count: int = RESERVED_DESCRIPTORS) -> None:
         self._count, self._lent = count, 0
         self._held: list[int] = []
         self._fill()

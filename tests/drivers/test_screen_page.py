@@ -21,8 +21,7 @@ from drivers.screen.drawing import draw
 from drivers.screen.expression import expression
 from drivers.screen.frame import frame
 from drivers.screen.pages import PageScreen, numbers
-from drivers.screen.server import TALKS
-from drivers.screen.talk import LISTENERS
+from drivers.screen.server import LISTENERS, TALKS, Talks
 from tests.browser import Browser, Tab
 from tests.cases import each
 from tests.waiting import wait_until
@@ -236,6 +235,35 @@ def test_a_crowd_of_silent_browsers_is_hung_up_on_and_makes_room(
         assert ask(screen, "/")[0].status == 200
         assert page.next(), "who listens has time"
     page.close()
+
+
+def test_idle_connections_shut_no_browser_out(screen: PageScreen) -> None:
+    with ExitStack() as browsers:
+        for number in range(3 * TALKS):
+            browsers.enter_context(socket.create_connection(("127.0.0.1", port_of(screen))))
+            if number % 16 == 0:
+                assert ask(screen, "/")[0].status == 200
+        assert ask(screen, "/")[0].status == 200
+
+
+def test_one_address_does_not_take_the_places_of_all_who_listen() -> None:
+    talks = Talks()
+    places = [socket.socketpair() for _ in range(LISTENERS + 3)]
+    try:
+        ends = [pair[0] for pair in places]
+        for end in ends[:LISTENERS]:
+            assert talks.listen(end, "192.0.2.1")
+        assert not talks.listen(ends[LISTENERS], "192.0.2.1")
+        assert talks.listen(ends[LISTENERS + 1], "127.0.0.1")
+        assert ends[0] not in talks.listeners
+        assert places[0][1].recv(1) == b""
+        assert talks.listen(ends[LISTENERS + 2], "127.0.0.1")
+        assert not talks.listen(ends[0], "127.0.0.1")
+        assert sorted(talks.listeners.values()) == ["127.0.0.1"] * 2 + ["192.0.2.1"] * 2
+    finally:
+        for pair in places:
+            for end in pair:
+                end.close()
 
 
 def test_a_browser_that_asks_a_byte_at_a_time_is_hung_up_on(

@@ -5,8 +5,9 @@ import os
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from http.client import HTTPConnection
+from http.client import HTTPConnection, HTTPSConnection
 from pathlib import Path
+from ssl import SSLContext
 from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
@@ -20,10 +21,10 @@ PATIENCE = 60.0
 
 
 class Served:
-    """A studio that is served on this computer, with its tokens."""
+    """A studio that is served on this computer, with its tokens. It speaks TLS if ``trusting`` says whom to trust."""
 
-    def __init__(self, process: Process) -> None:
-        self.process = process
+    def __init__(self, process: Process, trusting: SSLContext | None = None) -> None:
+        self.process, self.trusting = process, trusting
         self.state, self.runtime = Path(os.environ["XDG_STATE_HOME"]), os.environ["XDG_RUNTIME_DIR"]
         line = process.wait_for_line(lambda line: line.startswith("to look"), seconds=PATIENCE)
         self.viewer = line.rpartition("token=")[2]
@@ -38,6 +39,8 @@ class Served:
 
     def get(self, path: str, **headers: str) -> tuple[int, Mapping[str, str], bytes]:
         connection = HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)
+        if self.trusting is not None:
+            connection = HTTPSConnection("127.0.0.1", self.port, timeout=PATIENCE, context=self.trusting)
         try:
             connection.putrequest("GET", path, skip_host="Host" in headers)
             for name, value in headers.items():
@@ -66,8 +69,10 @@ class Served:
     def client(self, token: str, *, hello: bool = True, port: int = 0) -> Iterator["Client"]:
         """Give a client, which comes by another ``port`` where that is not 0."""
         headers = {"Authorization": f"Bearer {token}"}
-        address = f"ws://127.0.0.1:{port or self.port}/ws"
-        with connect(address, additional_headers=headers, max_size=None, compression=None, close_timeout=0.5) as socket:
+        address = f"{'ws' if self.trusting is None else 'wss'}://127.0.0.1:{port or self.port}/ws"
+        with connect(
+            address, additional_headers=headers, max_size=None, compression=None, close_timeout=0.5, ssl=self.trusting
+        ) as socket:
             client = Client(socket)
             if hello:
                 client.send(do="hello", version=str(VERSION))
@@ -127,11 +132,11 @@ class Client:
 
 
 @contextmanager
-def studio(*more: str) -> Iterator[Served]:
+def studio(*more: str, trusting: SSLContext | None = None) -> Iterator[Served]:
     """Serve a studio until this is over. The runs that it began, which live on without it, are ended too."""
     process, before = Process("studio", "--port", "0", "--record", *more), {each.key for each in search().found}
     try:
-        yield Served(process)
+        yield Served(process, trusting)
     finally:
         process.process.terminate()
         process.end()

@@ -2,10 +2,8 @@
 
 import json
 import re
-import shutil
 import socket
 import ssl
-import subprocess
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, suppress
 from functools import partial
@@ -23,9 +21,10 @@ from drivers.clock import SystemClock
 from missions.studio.access import Access
 from missions.studio.app import routes
 from missions.studio.commands import LARGEST
+from missions.studio.doors import MOST_CONNECTIONS
 from missions.studio.messages import protocol
 from missions.studio.reading import COMMANDS, MAX_REFUSED_BYTES
-from missions.studio.serving import MOST_CONNECTIONS, Place
+from missions.studio.serving import Place
 from missions.studio.tokens import keep_tokens, kept_tokens
 from tests.cases import each
 from tests.missions.command import command
@@ -367,20 +366,6 @@ def _ended(connection: socket.socket) -> bool:
     except OSError:
         pass
     return True
-
-
-@pytest.fixture(scope="module")
-def certificate(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """A certificate for this computer and for robot.example, and its key."""
-    if shutil.which("openssl") is None:
-        pytest.skip("needs openssl, to make a certificate")
-    folder = tmp_path_factory.mktemp("tls")
-    certificate, key = folder / "cert.pem", folder / "key.pem"
-    subject = ["-subj", "/CN=localhost", "-addext", "subjectAltName=IP:127.0.0.1,DNS:robot.example"]
-    files = ["-keyout", str(key), "-out", str(certificate)]
-    make = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", *subject, *files]
-    subprocess.run(make, check=True, capture_output=True)
-    return certificate, key
 
 
 def test_behind_a_proxy_that_speaks_tls_it_goes_by_the_name_that_it_was_given(certificate: tuple[Path, Path]) -> None:

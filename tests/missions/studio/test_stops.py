@@ -112,10 +112,10 @@ class Leaving:
     async def accept(self) -> None:
         pass
 
-    async def receive_text(self) -> str:
+    async def receive(self) -> dict[str, object]:
         if not self._lines:
-            raise WebSocketDisconnect
-        return self._lines.pop(0)
+            return {"type": "websocket.disconnect", "code": 1006}
+        return {"type": "websocket.receive", "text": self._lines.pop(0)}
 
     async def send_text(self, text: str) -> None:
         del text

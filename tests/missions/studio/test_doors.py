@@ -1,0 +1,355 @@
+"""The connections of the studio: nobody who has not signed in shuts out who has, or who comes with the right token."""
+
+import asyncio
+import resource
+import socket
+import ssl
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from functools import cache
+from itertools import count
+from pathlib import Path
+from threading import Event, Thread
+
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Origin
+
+from drivers.clock import ManualClock, SystemClock
+from missions.studio import doors
+from missions.studio.doors import (
+    HANDSHAKE_TIME,
+    MIN_CONNECTIONS,
+    MOST_CONNECTIONS,
+    MOST_OF_ADDRESS,
+    Doors,
+    Standing,
+    Visit,
+    network_of,
+)
+from missions.studio.spare import RESERVED_DESCRIPTORS
+from tests.cases import each
+from tests.missions.command import Process
+from tests.missions.studio.running import simulated_run
+from tests.missions.studio.serving import PATIENCE, Served, studio
+from tests.waiting import wait_until
+
+MANY = MOST_CONNECTIONS + 50
+"""Connections that one attack holds."""
+
+FEW_DESCRIPTORS = 256
+
+
+@pytest.fixture
+def visit() -> Iterator[Callable[..., Visit]]:
+    """Make connections; what is at their other end is closed after the test."""
+    with ExitStack() as ends:
+
+        def made(network: str = "192.0.2.1", standing: Standing = Standing.STRANGER) -> Visit:
+            here, there = socket.socketpair()
+            ends.callback(here.close)
+            ends.callback(there.close)
+            return Visit(here, network, standing)
+
+        yield made
+
+
+@pytest.fixture
+def enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have so many descriptors that they do not matter."""
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (1 << 20, 1 << 20))
+
+
+def is_ended(visit: Visit) -> bool:
+    """Return whether its own end hears that it was hung up on."""
+    visit.connection.setblocking(False)
+    try:
+        return visit.connection.recv(1) == b""
+    except BlockingIOError:
+        return False
+
+
+@each(
+    ("address", "network"),
+    [
+        (("192.0.2.1", 5000), "192.0.2.1"),
+        (("::1", 5000, 0, 0), "::/64"),
+        (("2001:db8::1", 5000, 0, 0), "2001:db8::/64"),
+        (("2001:db8::ffff:ffff", 5001, 0, 0), "2001:db8::/64"),
+        (("2001:db8:0:1::1", 5000, 0, 0), "2001:db8:0:1::/64"),
+        (("fe80::1%eth0", 5000, 0, 2), "fe80::/64"),
+        (("::ffff:192.0.2.1", 5000, 0, 0), "192.0.2.1"),
+    ],
+)
+def test_all_addresses_of_a_home_count_as_one(address: tuple[object, ...], network: str) -> None:
+    assert network_of(address) == network
+
+
+@pytest.mark.usefixtures("enough")
+def test_of_one_address_the_oldest_stranger_goes(visit: Callable[..., Visit]) -> None:
+    there = Doors(lambda _: asyncio.Protocol())
+    made = [visit() for _ in range(MOST_OF_ADDRESS + 2)]
+    other = visit("192.0.2.9")
+    assert there.admit(other)
+    assert all(there.admit(each) for each in made)
+    assert [is_ended(each) for each in (other, *made[:3])] == [False, True, True, False]
+
+
+@pytest.mark.usefixtures("enough")
+def test_who_has_signed_in_never_goes_and_does_not_count_for_its_address(visit: Callable[..., Visit]) -> None:
+    there = Doors(lambda _: asyncio.Protocol())
+    inside = [visit(standing=Standing.SIGNED_IN) for _ in range(20)]
+    assert all(there.admit(each) for each in inside)
+    assert all(there.admit(visit(f"192.0.2.{number % 250}")) for number in range(3 * MOST_CONNECTIONS))
+    assert all(there.admit(visit()) for _ in range(2 * MOST_OF_ADDRESS))
+    assert not any(map(is_ended, inside))
+    assert len(there.visits) <= MOST_CONNECTIONS
+
+
+@pytest.mark.usefixtures("enough")
+def test_when_all_have_signed_in_one_more_is_refused(visit: Callable[..., Visit]) -> None:
+    there = Doors(lambda _: asyncio.Protocol())
+    inside = [visit(standing=Standing.SIGNED_IN) for _ in range(MOST_CONNECTIONS)]
+    assert all(there.admit(each) for each in inside)
+    assert not there.admit(visit())
+    inside[7].connection.close()
+    assert there.admit(visit())
+    assert there.admit(visit())  # in the place of the one before
+
+
+@pytest.mark.usefixtures("enough")
+def test_the_address_with_most_connections_makes_room_for_others(visit: Callable[..., Visit]) -> None:
+    there = Doors(lambda _: asyncio.Protocol())
+    alone = [visit(f"198.51.100.{number}") for number in range(10)]
+    floods = [visit(f"192.0.2.{number % 2}") for number in range(5 * MOST_CONNECTIONS)]
+    assert all(there.admit(each) for each in (*alone, *floods))
+    assert not any(map(is_ended, alone))
+    assert not is_ended(floods[-1])
+
+
+@pytest.mark.usefixtures("enough")
+def test_who_has_a_cookie_goes_after_who_has_none(visit: Callable[..., Visit]) -> None:
+    there = Doors(lambda _: asyncio.Protocol())
+    with_cookie = [visit(standing=Standing.VISITOR) for _ in range(20)]
+    assert all(there.admit(each) for each in with_cookie)
+    assert all(there.admit(visit()) for _ in range(3 * MOST_OF_ADDRESS))
+    assert not any(map(is_ended, with_cookie))
+    more = [visit(standing=Standing.VISITOR) for _ in range(2 * MOST_OF_ADDRESS)]  # whoever has a stolen one
+    assert all(there.admit(each) for each in more)
+    assert is_ended(with_cookie[0])
+    assert there.admit(visit("192.0.2.9"))
+
+
+@each(("limit", "used", "room"), [(1024, 80, 200), (256, 80, 112), (256, 200, 8), (64, 60, 8), (-1, 80, 200)])
+def test_descriptors_are_kept_in_reserve(limit: int, used: int, room: int) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(resource, "getrlimit", lambda _: (limit, limit))
+        patch.setattr(doors, "_open_descriptors", lambda: used)
+        assert Doors(lambda _: asyncio.Protocol(), clock=ManualClock())._room() == room
+    assert (RESERVED_DESCRIPTORS, MIN_CONNECTIONS, MOST_CONNECTIONS) == (64, 8, 200)
+
+
+# --- attacks, with somebody who is in, and somebody who comes --------------------------------------------------------
+
+
+def plain(served: Served) -> socket.socket:
+    found = socket.create_connection(("127.0.0.1", served.port), timeout=PATIENCE)
+    found.setblocking(False)
+    return found
+
+
+def said(served: Served, data: bytes) -> socket.socket:
+    """Connect and say something, by TLS where the studio speaks it."""
+    found = socket.create_connection(("127.0.0.1", served.port), timeout=PATIENCE)
+    if served.trusting is not None:
+        found = served.trusting.wrap_socket(found, server_hostname="127.0.0.1")
+    found.sendall(data)
+    return found
+
+
+def request(served: Served, path: str, *headers: str) -> bytes:
+    return "\r\n".join((f"GET {path} HTTP/1.1", f"Host: {served.host}", *headers, "", "")).encode()
+
+
+@cache
+def client_hello() -> bytes:
+    """Return how TLS begins."""
+    out, context = ssl.MemoryBIO(), ssl.create_default_context()
+    with suppress(ssl.SSLWantReadError):
+        context.wrap_bio(ssl.MemoryBIO(), out, server_hostname="robot.example").do_handshake()
+    return out.read()
+
+
+def raw(served: Served, data: bytes) -> socket.socket:
+    found = plain(served)
+    with suppress(OSError):
+        found.send(data)
+    return found
+
+
+def half_closed(served: Served) -> socket.socket:
+    found = plain(served)
+    found.shutdown(socket.SHUT_WR)
+    return found
+
+
+def reset(served: Served) -> socket.socket:
+    found = plain(served)
+    found.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
+    found.close()
+    return found
+
+
+def quick(served: Served, data: bytes) -> socket.socket:
+    """Say something; who is hung up on meanwhile has made its room."""
+    with suppress(OSError):
+        return said(served, data)
+    return socket.socket()
+
+
+UPGRADE = ("Connection: Upgrade", "Upgrade: websocket", "Sec-WebSocket-Version: 13")
+KEY = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ=="
+
+ATTACKS: Mapping[str, Callable[[Served], socket.socket]] = {
+    "say nothing": plain,
+    "begin a handshake of TLS": lambda served: raw(served, client_hello()),
+    "begin half a handshake of TLS": lambda served: raw(served, client_hello()[:7]),
+    "say nonsense": lambda served: raw(served, b"\0\xff" * 100),
+    "close their half": half_closed,
+    "reset": reset,
+    "finish the handshake and say nothing": lambda served: quick(served, b""),
+    "begin a header": lambda served: quick(served, request(served, "/", "X: ")[:-4]),
+    "ask without a token": lambda served: quick(served, request(served, "/")),
+    "ask with a wrong token": lambda served: quick(served, request(served, "/?token=wrong")),
+    "announce a body": lambda served: quick(served, request(served, "/", "Content-Length: 1000000")),
+    "ask again and again and read nothing": lambda served: quick(served, request(served, "/") * 50),
+    "open a websocket without a token": lambda served: quick(served, request(served, "/ws", *UPGRADE, KEY)),
+    "open half a websocket": lambda served: quick(served, request(served, "/ws", *UPGRADE)),
+}
+"""What those do who have not signed in."""
+
+
+@contextmanager
+def attack(served: Served, make: Callable[[Served], socket.socket], many: int = MANY) -> Iterator[None]:
+    """Hold connections, and open each anew that the studio closes."""
+    ending, held = Event(), list[socket.socket]()
+
+    def hold() -> None:
+        for number in count():
+            if ending.is_set():
+                return
+            with suppress(OSError):
+                held.append(make(served))
+            if len(held) > many:
+                held.pop(0).close()
+            if number >= many:
+                ending.wait(0.002)
+
+    threads = [Thread(target=hold), Thread(target=hold)]
+    for thread in threads:
+        thread.start()
+    try:
+        wait_until(lambda: len(held) >= many // 2)
+        yield
+    finally:
+        ending.set()
+        for thread in threads:
+            thread.join()
+        for each in held:
+            each.close()
+
+
+@pytest.fixture(scope="module")
+def by_tls(certificate: tuple[Path, Path]) -> Iterator[Served]:
+    trusting = ssl.create_default_context(cafile=certificate[0])
+    with studio("--certificate", str(certificate[0]), "--key", str(certificate[1]), trusting=trusting) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def run(by_tls: Served, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Process]:
+    """A run that both studios see."""
+    del by_tls
+    with simulated_run(tmp_path_factory.mktemp("run")) as found:
+        yield found
+
+
+def stops_all(served: Served, run: Process) -> None:
+    """Stop by one who has just come, and let the run go on."""
+    name = str(run.process.pid)
+    with served.client(served.operator) as client:
+        client.hear_of(name)
+        assert client.ask("stop")["result"]["stopped"][name]["parts"]
+        assert client.ask("release", run=name, stop=client.ask("stop")["result"]["stopped"][name]["stops"])["ok"]
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("what", ATTACKS)
+def test_while_many_do_this_pages_come_in_and_stop_works(by_tls: Served, run: Process, what: str) -> None:
+    name = str(run.process.pid)
+    with by_tls.client(by_tls.viewer) as inside:
+        inside.hear_of(name)
+        with attack(by_tls, ATTACKS[what]):
+            assert inside.ask("stop")["result"]["stopped"][name]["parts"]
+            assert [by_tls.get("/", Authorization=f"Bearer {by_tls.viewer}")[0] for _ in range(5)] == [200] * 5
+            assert by_tls.get(f"/?token={by_tls.operator}")[0] == 303
+            stops_all(by_tls, run)
+            assert inside.ask("stop")["ok"]
+        assert inside.ask("stop")["ok"]
+
+
+@pytest.mark.real_time
+def test_a_handshake_that_does_not_end_is_hung_up_on(by_tls: Served) -> None:
+    clock = SystemClock()
+    with plain(by_tls) as silent, raw(by_tls, client_hello()) as begun:
+        for each in (silent, begun):
+            each.setblocking(True)
+            with suppress(OSError):
+                while each.recv(4096):
+                    pass
+    assert HANDSHAKE_TIME - 1.0 < clock.now() < 3 * HANDSHAKE_TIME
+
+
+@pytest.mark.real_time
+def test_with_few_descriptors_64_are_left_and_a_new_run_is_stopped(by_tls: Served, tmp_path: Path) -> None:
+    pid = by_tls.process.process.pid
+    before = resource.prlimit(pid, resource.RLIMIT_NOFILE)
+    resource.prlimit(pid, resource.RLIMIT_NOFILE, (FEW_DESCRIPTORS, before[1]))
+    try:
+        with by_tls.client(by_tls.viewer) as inside, attack(by_tls, plain, 2 * FEW_DESCRIPTORS):
+            assert len([*Path(f"/proc/{pid}/fd").iterdir()]) <= FEW_DESCRIPTORS - RESERVED_DESCRIPTORS + MIN_CONNECTIONS
+            with simulated_run(tmp_path) as run:
+                inside.hear_of(str(run.process.pid))
+                stopped = inside.ask("stop")["result"]["stopped"]
+                assert stopped[str(run.process.pid)]["parts"]
+                stops_all(by_tls, run)
+    finally:
+        resource.prlimit(pid, resource.RLIMIT_NOFILE, before)
+
+
+@pytest.mark.real_time
+def test_who_is_in_stays_in_while_connections_come_and_go(by_tls: Served) -> None:
+    with ExitStack() as inside:
+        clients = [inside.enter_context(by_tls.client(by_tls.viewer)) for _ in range(20)]
+        with attack(by_tls, plain, 2 * MANY):
+            for client in clients:
+                assert client.ask("stop")["ok"]
+
+
+@each("token", ["", "?token=", "?token=wrong", "?proof=", "?proof=00"])
+def test_no_websocket_opens_without_a_token(by_tls: Served, token: str) -> None:
+    with (
+        pytest.raises(InvalidStatus),
+        connect(f"wss://{by_tls.host}/ws{token}", ssl=by_tls.trusting, origin=Origin(f"https://{by_tls.host}")),
+    ):
+        pass
+
+
+def test_who_shows_nothing_is_answered_once(served: Served) -> None:
+    with said(served, request(served, "/") + request(served, f"/?token={served.operator}")) as stranger:
+        answer = b""
+        while data := stranger.recv(4096):
+            answer += data
+    assert answer.count(b"HTTP/1.1") == 1
+    assert b"connection: close" in answer.lower()
