@@ -46,6 +46,9 @@ from drivers.legs.falling import Falls
 LONGEST_STEP = 0.03
 """Seconds of a walk that are made up for at most after a turn that came late: the walk is slower then, and no leap."""
 
+STIFFENING_TIME = 1.0
+"""Seconds that limp joints have to hold, from the first step of a way to a stand; one that has shut down never does."""
+
 SILENT_AFTER = 0.3
 """Seconds without a reading of a leg's joint after which the walk is given up: not sooner, for it ends in mid-step."""
 
@@ -84,6 +87,7 @@ class LegsBase(Mute, SteeredBase):
         self._acts = Acts(engine, joints.limits, torques)
         self._stepped_at = 0.0
         self._stiff = False
+        self._limp_since: float | None = None  # while the legs are led
         self._falls, self._fallen = Falls(engine), False
         self._latest: Reading[BaseState] = Reading(None, 0.0, Quality.NONE)
         self.stands = Event()
@@ -191,11 +195,14 @@ class LegsBase(Mute, SteeredBase):
             self._there = True
             self._tell_return(f"{self.name}: the joints of both legs are there")
         limp = [name for name, value in zip(self._legs, values, strict=True) if not value.torque]
-        if limp and self._stiff and self.walking:
-            self._forget()
+        if not (limp and self.walking):
+            self._limp_since = None
+        elif self._limp_since is None:
+            self._limp_since = now
+        if self._limp_since is not None and (self._stiff or now - self._limp_since > STIFFENING_TIME):
             self._mux.latch(f"{', '.join(limp)} went limp")
             self._report(DeviceStatus(self.name, "fault", f"{self.name}: {', '.join(limp)} went limp in a walk"))
-        elif limp:
+        if limp:
             self._forget()
         self._stiff = not limp
         afoot = self.walking or self._acts.posture is Poised.STANDING

@@ -319,6 +319,30 @@ def test_a_leg_that_goes_limp_in_a_walk_stops_it_until_somebody_enables_it(legs:
     assert np.abs(legs.angles() - before).max() < np.radians(20)
 
 
+@pytest.mark.parametrize("act", ["stand", "sit"])
+@pytest.mark.parametrize("after", [0.0, 0.5, 20.0])
+def test_a_leg_that_has_shut_down_ends_a_stand_and_a_sit(legs: Legs, act: str, after: float) -> None:
+    legs.arm.relax(list(legs.arm.limits))
+    perform(legs, act, after)
+    legs.arm.overload("left_knee")
+    perform(legs, "sit" if act == "stand" else "stand", 0.0 if after < 20.0 else 3.0)
+    perform(legs, act, 3.0)
+    assert "left_knee went limp" in legs.base.latched
+    legs.base.enable()
+    legs.pass_(0.1)
+    perform(legs, act, 3.0)
+    assert "left_knee went limp" in legs.base.latched
+
+
+def perform(legs: Legs, act: str, seconds: float) -> None:
+    """Ask for an act as a leaf does, at every tick, until the legs are latched."""
+    for _ in range(round(seconds / 0.05)):
+        if legs.base.latched:
+            return
+        legs.base.perform(act)
+        legs.pass_(0.05)
+
+
 def test_a_fall_latches_the_legs_and_lets_them_go_limp(legs: Legs) -> None:
     attitude = Felt(0.0, 0.1)
     legs.base._felt_now = lambda: attitude
