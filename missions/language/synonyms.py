@@ -1,8 +1,11 @@
 """Words of other languages that people write in missions, and what is meant by a word that nobody knows.
 
-What a word means goes before how it is spelt. A likeness of spelling alone never leads to a behaviour that moves the
-robot, but for one slip of the keyboard: a letter missing or too many, two that changed places, and in a long word
-another letter. Who writes ``sleep`` is not answered with ``sweep``, which moves a joint.
+What a word means goes before how it is spelt. A word whose meaning takes more than one of ours is answered with the
+whole form (``FORMS``), or, where nothing here means the same, with the page that compares (``COMPARED``).
+
+A likeness of spelling alone never leads to a behaviour that moves the robot, to a condition, or to a word that decides
+how the mission goes on, but for a slip of the keyboard. Who writes ``sleep`` is not answered with ``sweep``, which
+moves a joint, nor who writes ``undocked`` with ``docked``.
 """
 
 from collections.abc import Collection, Mapping
@@ -14,7 +17,7 @@ from config.synonyms import head_of, in_words, ours_for, plain_word
 from drivers.api.kinds import MOVING
 
 WORDS: Mapping[str, str] = {
-    "wait": "sleep pause wait_for sleep_for delay_for idle timer wait_seconds",
+    "wait": "sleep pause sleep_for wait_for delay_for idle timer wait_seconds",
     "drive: 1 m": "forward forwards move move_forward go_forward drive_forward drive_straight drive_distance "
     "drive_on_heading move_steps",
     "drive: -1 m": "back backward backwards move_back move_backward go_backward drive_backward back_up reverse",
@@ -24,7 +27,7 @@ WORDS: Mapping[str, str] = {
     "turn: -90 deg": "turn_right rotate_right turn_clockwise",
     "go_to": "goto navigate_to move_to drive_to nav_to navigate_to_pose goto_pose go_to_pose move_base",
     "velocity": "cmd_vel twist set_velocity set_speed",
-    "stop": "halt brake freeze stop_base stop_robot stop_moving emergency_stop",
+    "stop": "halt brake freeze stop_base stop_robot stop_moving",
     "look": "move_head turn_head set_head point_head look_forward",
     "look: 30 deg": "look_left head_left",
     "look: -30 deg": "look_right head_right",
@@ -36,7 +39,7 @@ WORDS: Mapping[str, str] = {
     "say": "speak tell print tts talk echo_aloud",
     "sound": "beep tone buzzer",
     "play_sound": "play_audio play_file play_wav",
-    "listen": "hear listen_for recognize_speech recognise_speech speech_to_text stt ask ask_for",
+    "listen": "hear listen_for recognize_speech recognise_speech speech_to_text stt",
     "led": "light set_led lamp",
     "face": "set_face emotion expression show_face smile mood",
     "face_seen": "see_face sees_face face_visible is_face_visible face_detected is_face_seen detect_face person_seen "
@@ -46,33 +49,40 @@ WORDS: Mapping[str, str] = {
     "set": "let assign set_blackboard set_variable set_blackboard_variable var variable script",
     "find_face": "look_for_face search_face",
     "succeed": "pass noop nop always_success success do_nothing",
-    "fail": "always_failure failure raise abort error",
+    "set: {NAME: null}": "unset_blackboard unset_blackboard_variable unset",
+    "fail": "always_failure failure raise error",
     "pretend": "mock stub status_queue",
-    "sequence": "and seq do steps block series serial begin all_of sequence_with_memory sequence_star",
-    "selector": "or fallback priority any any_of either try alternatives sel first_of",
+    "sequence": "and seq do steps block series serial begin all_of async_sequence mem_sequence memory_sequence",
+    "selector": "or fallback priority any any_of either alternatives sel first_of async_fallback fallback_star "
+    "mem_priority mem_selector",
     "reactive_sequence": "reactive_and",
-    "reactive_selector": "reactive_or reactive_fallback reactive_priority",
+    "reactive_selector": "reactive_or reactive_fallback reactive_priority priority",
     "for_each": "foreach for each for_all map loop_over iterate for_in with_items",
-    "parallel": "simultaneously together concurrent concurrently at_once parallel_all",
-    "switch": "then else elif else_if otherwise case choose match select cond if_else if_then_else "
-    "switch2 switch3 switch4",
+    "parallel": "simultaneously together concurrent concurrently at_once",
+    "switch": "then else elif else_if otherwise case choose match select cond if_else if_then_else",
     "reactive_switch": "while_do_else",
-    "mission": "call run subtree sub_tree submission include import uses execute start_mission name",
-    "repeat": "loop times again forever repeat_forever cycle",
-    "repeat: forever": "keep_running_until_failure loop_forever success_is_running",
-    "retry": "retries attempts retry_until_successful retry_node tries",
-    "if": "when only_if condition precondition check_blackboard_variable_value",
-    "if: not ...": "unless",
-    "while": "as_long_as during do_while eternal_guard",
-    "until": "repeat_until wait_until do_until wait_for_blackboard_variable",
+    "mission": "call run subtree sub_tree sub_tree_plus submission include import uses execute start_mission name",
+    "repeat": "loop times again cycle num_cycles num_success",
+    "repeat: forever": "forever repeat_forever keep_running_until_failure loop_forever success_is_running "
+    "repeat_until_failure",
+    "retry": "retries attempts retry_until_successful retry_until_succesful retry_node tries max_attempts num_attempts "
+    "num_failures",
+    "retry: forever": "wait_for retry_forever retry_until_success repeat_until_success failure_is_running",
+    "if": "when only_if",
+    "if: not (...)": "unless if_not not_if skip_if",
+    "while": "as_long_as during eternal_guard guard",
+    "while: not (...)": "while_not",
+    "until: not (...)": "until_not",
     "timeout": "time_limit timeout_after max_time deadline timeout_seconds",
     "invert: true": "not inverter negate invert_result",
     "on_failure: succeed": "ignore_errors ignore_failure force_success continue_on_error failure_is_success",
     "on_success: fail": "force_failure success_is_failure",
-    "once: true": "run_once only_once one_shot",
+    "once: true": "only_once one_shot oneshot",
     "on_running: fail": "running_is_failure",
+    "on_running: succeed": "running_is_success",
     "delay": "after start_after",
-    "cooldown": "throttle rate_limit",
+    "success_count": "success_threshold",
+    "failure_count": "failure_threshold",
     "as": "register store save result output into keep_as",
     "with": "params args arguments inputs parameters",
     "name": "title label",
@@ -87,8 +97,36 @@ WORDS: Mapping[str, str] = {
 A word itself, of a package perhaps, never means another. Only a word that names a motion leads to one.
 """
 
+FORMS: Mapping[str, str] = {
+    "{succeed: , while: CONDITION}": "condition check check_condition script_condition check_blackboard_variable_value "
+    "assert require verify",
+    "{sequence: [{succeed: , while: CONDITION}, BEHAVIOUR]}": "precondition",
+    "{succeed: , while: CONDITION, retry: forever}": "wait_until wait_for_condition wait_for_blackboard_variable",
+    "{parallel: [BEHAVIOUR, BEHAVIOUR], wait_for_all: true}": "parallel_all concurrence",
+    "{reactive_switch: {on: EXPRESSION, cases: {VALUE: BEHAVIOUR}, default: BEHAVIOUR}}": "switch2 switch3 switch4 "
+    "switch5 switch6",
+    "{selector: [BEHAVIOUR, OTHERWISE]}": "try rescue except catch",
+    "{selector: [BEHAVIOUR, {sequence: [OTHERWISE, fail]}]}": "try_catch",
+    "{selector: [BEHAVIOUR, {sequence: [RECOVERY, BEHAVIOUR]}]}": "recovery recovery_node",
+    "{sequence: [{say: QUESTION}, {listen: {for: [ANSWER, ANSWER]}}]}": "ask ask_for",
+}
+"""What several words of ours say together, each with what others call it; what is to be filled in has capitals."""
+
+COMPARED = (
+    "sequence_with_memory sequence_star run_once throttle rate_limit rate_controller debounce distance_controller "
+    "speed_controller pipeline_sequence round_robin simple_parallel do_while do_until repeat_until until_fail "
+    "until_failure until_success probability_selector weighted_selector manual_selector status_to_blackboard "
+    "max_failures single_trigger"
+)
+"""Words of others that nothing here means; the page says what comes near, and where it differs."""
+
+COMPARISON = "nothing here means the same: see what comes near in docs/language.md#words-of-other-systems"
+
 LIKE = 0.7
-"""How much of two words must be alike for the one to be meant by the other."""
+"""How much of two words must be alike for the one to be meant by the other, where nothing depends on it."""
+
+NEARLY = 0.85
+"""The same for two slips in a long word."""
 
 LONG = 8
 """Letters of a word that with one other letter is hardly another word: wander and wonder are."""
@@ -108,19 +146,38 @@ def word_meant(
         return f"did you mean '{plain_word(word)}'?"
     if plain_word(word) in beside:
         return f"'{plain_word(word)}' stands beside a behaviour, below it and without a dash"
+    if plain_word(word) in COMPARED.split():
+        return COMPARISON
+    ours = [form for form, theirs in FORMS.items() if plain_word(word) in theirs.split()]
+    if ours:
+        return f"write {ours[0]}"
     ours = ours_for(word, WORDS, [*leaves, *composites, *beside])
     if ours == ["switch"]:
         return BRANCHES
     if ours:
-        return f"write {in_words(ours)}" + (", beside a behaviour" if head_of(ours[0]) in beside else "")
-    return did_you_mean(word, [each for each in known if _may_be_meant(word.lower(), each, leaves)])
+        return f"write {in_words(ours)}" + (", beside a behaviour" if head_of(ours[-1]) in beside else "")
+    return did_you_mean(word, [each for each in known if _may_be_meant(word.lower(), each, leaves, known)])
 
 
-def _may_be_meant(word: str, known: str, leaves: Mapping[str, type[Leaf]]) -> bool:
-    """Say whether a word may be proposed for its spelling: what is like it and does not move, or is one slip away."""
-    if not known.startswith(word) and SequenceMatcher(None, word, known).ratio() < LIKE:
-        return False
-    if known not in leaves or not leaves[known].drives.intersection(MOVING):
+def _may_be_meant(word: str, meant: str, leaves: Mapping[str, type[Leaf]], known: Collection[str]) -> bool:
+    """Say whether a word may be proposed for its spelling: one that decides nothing, or is a slip away."""
+    leaf = leaves.get(meant)
+    moves = leaf is not None and bool(leaf.drives.intersection(MOVING))
+    if leaf is not None and not leaf.instant and not moves:
+        return meant.startswith(word) or SequenceMatcher(None, word, meant).ratio() >= LIKE
+    if leaf is None and len(word) > 2 and [each for each in known if each.startswith(word)] == [meant]:
         return True
-    another_letter = len(word) == len(known) and sorted(word) != sorted(known)
-    return one_slip(word, known) and not (another_letter and len(word) < LONG)
+    parts, others = word.split("_"), meant.split("_")
+    same = not moves and len(parts) == len(others) and all(map(_is_slip, parts, others))
+    return same or _is_slip(word, meant, most=1)
+
+
+def _is_slip(word: str, meant: str, *, most: int = 2) -> bool:
+    """Say whether a word is another but for a slip of the keyboard: in a short one, another letter is another word.
+
+    In a long one ``most`` may be two slips, but not at its beginning: ``unloaded`` is not ``loaded``.
+    """
+    if most > 1 and word[:1] == meant[:1] and min(len(word), len(meant)) >= LONG:
+        return SequenceMatcher(None, word, meant).ratio() >= NEARLY
+    another_letter = len(word) == len(meant) and sorted(word) != sorted(meant)
+    return word == meant or (one_slip(word, meant) and not (another_letter and len(word) < LONG))
