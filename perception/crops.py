@@ -1,6 +1,8 @@
 """One face out of a picture, and all of one size, so that only what is its own tells it from another."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import atan2, cos, degrees, hypot, sin
 from typing import cast
 
 import cv2
@@ -17,6 +19,13 @@ REACH = 1.2
 
 LOWER = 0.02
 """How much lower the middle of a crop is than that of the box, in heights of the box."""
+
+EYES_APART, EYES_ABOVE = 0.327, 0.121
+"""Distance of the eyes, and of their middle from that of a crop, in widths of the face's box: medians of the Haar
+boxes of people of the ORL database (s1 to s10)."""
+
+MIN_SPACING, MAX_SPACING, MAX_ROLL = 0.25, 0.6, 25.0
+"""Distance of the eyes, in widths of the face's box, and their slope in degrees that two eyes of one face have."""
 
 MARGIN = 1.6
 """Side of a portrait, in widths of the face."""
@@ -36,6 +45,23 @@ def crop(image: Image | Grey, face: Box, *, roll: float = 0.0, zoom: float = 1.0
     turn = np.asarray(cv2.getRotationMatrix2D((x, y), roll, zoom * SIDE / (REACH * side)), np.float64)
     turn[:, 2] += np.array([(SIDE - 1) / 2 - x, (SIDE - 1) / 2 - y])
     return cast(Grey, cv2.warpAffine(grey(picture.image), turn, (SIDE, SIDE), borderMode=cv2.BORDER_REPLICATE))
+
+
+def upright(face: Box, eyes: Sequence[Box]) -> tuple[Box, float] | None:
+    """Return the box and the roll (degrees) with which ``crop`` puts the eyes of a face where all crops have them.
+
+    ``eyes`` are as ``EyeFinder`` finds them, the left one in the picture first. None unless they are two of one face.
+    """
+    if len(eyes) != 2 or face.width <= 0:
+        return None
+    (left, top), (right, bottom) = (eye.centre for eye in eyes)
+    apart, slope = hypot(right - left, bottom - top), atan2(bottom - top, right - left)
+    if not MIN_SPACING < apart / face.width < MAX_SPACING or abs(degrees(slope)) > MAX_ROLL:
+        return None
+    side = apart / EYES_APART
+    x = (left + right) / 2 - EYES_ABOVE * side * sin(slope)
+    y = (top + bottom) / 2 + (EYES_ABOVE * cos(slope) - LOWER) * side
+    return Box(x - side / 2, y - side / 2, side, side), degrees(slope)
 
 
 def portrait(image: Image, face: Box) -> Image:

@@ -5,25 +5,29 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from perception.api import Box, Image
-from perception.crops import crop, face_in, portrait
+from perception.crops import crop, face_in, portrait, upright
 from perception.elastic import Gallery, Picture
 from perception.finder import FaceDetector
 from perception.identity import Look
+from perception.light import Grey
 from perception.patches import describe
+from perception.pupils import EyeFinder
 
 FEWEST = 3
 """Pictures of a person that teach something."""
+
+ENOUGH = 6
+"""Pictures of a person, from different sides, after which more of the same day add little (docs/people.md)."""
 
 MAX_PICTURES, MAX_PICTURES_TOGETHER = 24, 240
 """Pictures of one person, and of all together, that are learnt from."""
 
 TEMPLATES = 240
-"""Pictures and variants of all together that are compared: 226 kB each, and what a look costs is in proportion."""
+"""Pictures and variants of all together that are compared: 271 kB each, and what a look costs is in proportion."""
 
-VARIANTS = ((False, 0.0, 1.0), (True, 0.0, 1.0), (False, 0.0, 0.93), (False, 0.0, 1.08), (False, 6.0, 1.0),
-            (False, -6.0, 1.0), (False, 0.0, 0.87), (False, 0.0, 1.16))  # fmt: skip
-"""How a picture is shown: in the mirror, turned by degrees, how large. The first is as it is; the mirror shows a head
-that is turned the other way, and lit from the other side; the others are how detectors frame a face."""
+VARIANTS = 4
+"""How a picture is shown at most: by its box, upright by its eyes, and both in the mirror, which shows a head that is
+turned the other way, and lit from the other side."""
 
 
 class NotOneFace(ValueError):
@@ -52,34 +56,41 @@ class KnownPeople:
 
     def __init__(self, portraits: Mapping[str, Sequence[Image]], cohort: Sequence[Sequence[Image]] = ()) -> None:
         share = min(MAX_PICTURES, TEMPLATES // max(1, len(portraits) + len(cohort)))
-        people = {name: described(pictures, share) for name, pictures in portraits.items()}
-        gallery = Gallery(people, [described(pictures, share) for pictures in cohort])
+        self._eyes = EyeFinder()
+        people = {name: described(pictures, share, self._eyes) for name, pictures in portraits.items()}
+        gallery = Gallery(people, [described(pictures, share, self._eyes) for pictures in cohort])
         self.calibration = gallery.calibration
         self._gallery = gallery
 
     def look(self, image: Image, face: Box) -> Look | None:
         """Return who is nearest, and by how much within the threshold; None for a box without pixels."""
         try:
-            shown = crop(image, face)
+            return self._gallery.look([describe(each) for each in sights(image, face, self._eyes)])
         except ValueError:
             return None
-        return self._gallery.look(describe(shown))
 
 
-def described(portraits: Sequence[Image], share: int) -> list[Picture]:
+def described(portraits: Sequence[Image], share: int, eyes: EyeFinder) -> list[Picture]:
     """Return the descriptions of a person's portraits and of their variants: about ``share`` in all.
 
     Of more portraits some are taken, spread over all of them.
     """
     count = min(len(portraits), share)
     taken = [portraits[place * len(portraits) // count] for place in range(count)]
-    return [_shown(picture, share // count) for picture in taken]
+    return [_described(picture, share // count, eyes) for picture in taken]
 
 
-def _shown(portrait: Image, count: int) -> Picture:
-    """Return how a portrait is described, and as many of its variants as make ``count``."""
-    found = []
-    for mirrored, roll, zoom in VARIANTS[:count]:
-        shown = crop(portrait, face_in(portrait), roll=roll, zoom=zoom)
-        found.append(describe(np.ascontiguousarray(shown[:, ::-1]) if mirrored else shown))
-    return found
+def _described(portrait: Image, count: int, eyes: EyeFinder) -> Picture:
+    """Return how a portrait is described, with ``count`` templates at most."""
+    crops = sights(portrait, face_in(portrait), eyes)
+    seen = [describe(each) for each in crops]
+    missing = max(0, min(VARIANTS, count) - len(seen))
+    mirrored = [describe(np.ascontiguousarray(each[:, ::-1])) for each in crops[:missing]]
+    return Picture(seen, [*seen, *mirrored][:count])
+
+
+def sights(image: Image, face: Box, eyes: EyeFinder) -> list[Grey]:
+    """Return the crops of a face: by its box and, where both eyes are found, upright by them. Raises as ``crop``."""
+    shown = [crop(image, face)]
+    found = upright(face, eyes.find(image, face))
+    return shown if found is None else [*shown, crop(image, found[0], roll=found[1])]

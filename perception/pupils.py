@@ -37,8 +37,8 @@ class EyeFinder:
         scale = FACE / face.width
         boxes, _, weights = self._cascade.detectMultiScale3(
             even_out(resized(grey(image[rows, columns]), scale), tiles=2),
-            scaleFactor=1.05,
-            minNeighbors=3,
+            scaleFactor=1.15,
+            minNeighbors=1,
             minSize=(round(FACE * SIZES[0]), round(FACE * SIZES[0])),
             maxSize=(round(FACE * SIZES[1]), round(FACE * SIZES[1])),
             outputRejectLevels=True,

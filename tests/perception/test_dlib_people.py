@@ -12,7 +12,7 @@ from perception.crops import face_in, portrait
 from perception.dlib_people import SAME, STEEP, DlibDescriber, DlibPeople, Feature
 from perception.faces import HaarFaces
 from perception.faults import BadModel
-from tests.benchmarks.identifying import drawn
+from tests.benchmarks.portraits import drawn
 
 FACE = Box(200.0, 100.0, 100.0, 100.0)
 

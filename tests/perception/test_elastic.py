@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 
 from perception.api import UNKNOWN
-from perception.elastic import ABOVE, ABOVE_FEW, DEVIATION, FEW, MEAN, WINDOW, Calibration, Gallery, Picture
+from perception.elastic import ABOVE, ABOVE_ONE, DEVIATION, FEW, HIGHEST, MEAN, REACH, Gallery, Picture
 from perception.patches import CELLS, DEPTH, Patches
+
+
+def seen(patches: Patches) -> Picture:
+    """Return a picture with one sight, and no other template."""
+    return Picture([patches], [patches])
 
 
 class People:
@@ -22,7 +27,7 @@ class People:
         return np.asarray(found / np.linalg.norm(found, axis=2, keepdims=True), np.float32)
 
     def pictures(self, person: int, count: int = 3) -> list[Picture]:
-        return [[self.picture(person)] for _ in range(count)]
+        return [seen(self.picture(person)) for _ in range(count)]
 
     def gallery(self, *persons: int) -> Gallery:
         return Gallery({f"p{person}": self.pictures(person) for person in persons})
@@ -32,9 +37,9 @@ class People:
 def test_somebody_known_is_nearest_to_themselves_and_a_stranger_is_farther(count: int) -> None:
     people = People(count + 1)
     gallery = people.gallery(*range(count))
-    stranger = gallery.look(people.picture(count))
+    stranger = gallery.look([people.picture(count)])
     for person in range(count):
-        look = gallery.look(people.picture(person))
+        look = gallery.look([people.picture(person)])
         assert look.name == f"p{person}"
         assert look.margin > stranger.margin + 0.5
 
@@ -42,7 +47,7 @@ def test_somebody_known_is_nearest_to_themselves_and_a_stranger_is_farther(count
 def test_a_face_that_lies_a_cell_aside_is_found_and_one_that_lies_farther_is_not() -> None:
     people = People(3)
     gallery = people.gallery(0, 1)
-    margins = [gallery.look(people.picture(0, aside=aside)).margin for aside in (0, WINDOW // 2, -(WINDOW // 2), 4)]
+    margins = [gallery.look([people.picture(0, aside=aside)]).margin for aside in (0, REACH, -REACH, REACH + 2)]
     assert margins[1:3] == pytest.approx([margins[0]] * 2, abs=0.3 * (margins[0] - margins[3]))
 
 
@@ -50,35 +55,54 @@ def test_parts_of_a_face_may_be_found_in_different_pictures() -> None:
     people = People(3)
     left, right = people.picture(0), people.picture(1)
     mixed = np.concatenate([left[:, :10], right[:, 10:]], axis=1)
-    whole = Gallery({"both": [[left], [right]], "other": people.pictures(2)}).look(mixed)
-    half = Gallery({"both": [[left]], "other": people.pictures(2)}).look(mixed)
+    whole = Gallery({"both": [seen(left), seen(right)], "other": people.pictures(2)}).look([mixed])
+    half = Gallery({"both": [seen(left)], "other": people.pictures(2)}).look([mixed])
     assert whole.name == half.name == "both"
     assert whole.margin > half.margin
 
 
-def test_the_threshold_is_made_from_the_people_who_are_known_where_there_are_two() -> None:
+LEAST = MEAN + (ABOVE + ABOVE_ONE) * DEVIATION
+"""The threshold where one person is known, and nothing but what is usual."""
+
+
+def test_the_usual_threshold_holds_for_one_person_with_one_picture() -> None:
+    alone = Gallery({"p0": People(1).pictures(0, 1)}).calibration
+    assert alone.thresholds == {"p0": pytest.approx(LEAST)}
+
+
+def test_the_more_pictures_there_are_the_more_their_own_scores_count() -> None:
     people = People(5)
-    alone = people.gallery(0).calibration
-    assert alone == Calibration(MEAN + ABOVE_FEW * DEVIATION, alone.refused, None, 3)
-    many = people.gallery(0, 1, 2, 3).calibration
+    many, more = (
+        Gallery({name: people.pictures(person, count) for person, name in enumerate("abcd")}).calibration
+        for count in (3, 12)
+    )
     assert many.accepted is not None
-    own = Gallery({name: people.pictures(person, 12) for person, name in enumerate("abcd")}).calibration
-    assert abs(own.threshold - many.threshold) < abs(own.threshold - alone.threshold), "more looks count more"
+    assert abs(more.thresholds["a"] - LEAST) > abs(many.thresholds["a"] - LEAST)
 
 
 def test_a_name_takes_more_where_few_persons_are_compared() -> None:
     people = People(FEW)
-    known = {"p0": people.pictures(0)}  # alone, it has no looks at strangers: the same mean and deviation each time
+    known = {"p0": people.pictures(0, 1)}  # alone, it has no looks at strangers: the same mean and deviation each time
     few, enough = (Gallery(known, [people.pictures(1 + each) for each in range(count)]) for count in (FEW - 2, FEW - 1))
-    assert few.calibration.threshold == MEAN + ABOVE_FEW * DEVIATION
-    assert enough.calibration.threshold == MEAN + ABOVE * DEVIATION
-    face = people.picture(0)
+    assert few.calibration.thresholds["p0"] == pytest.approx(MEAN + (ABOVE + ABOVE_ONE / 2) * DEVIATION)
+    assert enough.calibration.thresholds["p0"] == pytest.approx(MEAN + (ABOVE + ABOVE_ONE / 3) * DEVIATION)
+    face = [people.picture(0)]
     assert few.look(face).margin < enough.look(face).margin
 
 
 def test_two_who_are_unlike_say_nothing_of_strangers_that_would_let_more_of_them_pass() -> None:
     two = People(4, apart=4.0).gallery(0, 1).calibration
-    assert two.threshold >= MEAN + ABOVE_FEW * DEVIATION
+    assert min(two.thresholds.values()) >= MEAN + (ABOVE + ABOVE_ONE / 2) * DEVIATION
+
+
+def test_a_person_whose_pictures_are_alike_takes_more_to_be_known() -> None:
+    people = People(3)
+    varied, alike = ([seen(people.picture(0, noise=noise)) for _ in range(3)] for noise in (1.5, 0.8))
+    first, second = (
+        Gallery({"p0": mine, "p1": people.pictures(1), "p2": people.pictures(2)}).calibration.thresholds["p0"]
+        for mine in (varied, alike)
+    )
+    assert first < second <= MEAN + 2 * HIGHEST * DEVIATION
 
 
 def test_people_who_are_alike_are_told_to_be_so() -> None:
@@ -88,11 +112,19 @@ def test_people_who_are_alike_are_told_to_be_so() -> None:
     assert near.refused > 0.5
 
 
+def test_whose_pictures_lie_near_those_of_another_is_told() -> None:
+    people = People(4, apart=2.5)
+    apart = {f"p{person}": people.pictures(person) for person in range(3)}
+    assert Gallery(apart).calibration.near == {}
+    twins = Gallery(apart | {"twin": people.pictures(0)}).calibration.near
+    assert twins == {"p0": "twin", "twin": "p0"}
+
+
 def test_who_is_more_like_one_of_the_cohort_is_a_stranger() -> None:
     people = People(2)
     gallery = Gallery({"p0": people.pictures(0)}, [people.pictures(1)])
-    assert gallery.look(people.picture(0)).name == "p0"
-    assert gallery.look(people.picture(1)).verdict == UNKNOWN
+    assert gallery.look([people.picture(0)]).name == "p0"
+    assert gallery.look([people.picture(1)]).verdict == UNKNOWN
 
 
 def test_of_one_picture_nothing_is_known() -> None:

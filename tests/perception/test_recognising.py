@@ -13,7 +13,9 @@ from perception.crops import face_in, portrait
 from perception.faces import HaarFaces
 from perception.identity import Look
 from perception.people import FEWEST, MAX_PICTURES, VARIANTS, KnownPeople, NotOneFace, described, enrol
-from tests.benchmarks.identifying import Asked, Portraits, Rates, ask, clips, drawn, hundred, rates
+from perception.pupils import EyeFinder
+from tests.benchmarks.identifying import Asked, Rates, ask, rates
+from tests.benchmarks.portraits import Portraits, clips, drawn, hundred
 from tests.perception.people_drawn import crowd, pictures
 
 CHOICES = 4
@@ -85,9 +87,16 @@ def test_people_in_films_are_recognised_a_second_later(footage: Path) -> None:
 
 def test_of_many_portraits_some_are_compared_spread_over_all_and_of_few_all_variants() -> None:
     shown = [np.full((100, 100, 3), grey, np.uint8) for grey in range(100)]
-    assert [len(each) for each in described(shown[:FEWEST], MAX_PICTURES)] == [len(VARIANTS)] * FEWEST
-    assert [len(each) for each in described(shown[:10], MAX_PICTURES)] == [MAX_PICTURES // 10] * 10
-    assert [len(each) for each in described(shown, MAX_PICTURES)] == [1] * MAX_PICTURES
+    eyes = EyeFinder()
+    for count, each in ((FEWEST, 2), (10, 2), (20, 1), (100, 1)):  # nobody has eyes: by the box, and in the mirror
+        found = described(shown[:count], MAX_PICTURES, eyes)
+        assert [len(picture.templates) for picture in found] == [each] * min(count, MAX_PICTURES)
+
+
+def test_a_face_whose_eyes_are_found_is_seen_upright_too(astronaut: Image) -> None:
+    eyes = EyeFinder()
+    (picture,) = described([enrol(astronaut, HaarFaces())], MAX_PICTURES, eyes)
+    assert (len(picture.sights), len(picture.templates)) == (2, VARIANTS)
 
 
 def test_a_picture_of_one_face_enrols_somebody(astronaut: Image) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
+from shlex import quote
 
 import click
 
@@ -21,9 +22,8 @@ from missions.cli.person.taking import TOO_SOON, Taking
 from missions.cli.root import SUCCESS
 from missions.library.people import People, PeopleError, proper_name
 from perception.api import Image
-from perception.crops import face_in
 from perception.finder import FaceDetector
-from perception.people import FEWEST, MAX_PICTURES, KnownPeople, NotOneFace, enrol
+from perception.people import ENOUGH, FEWEST, MAX_PICTURES, KnownPeople, NotOneFace, enrol
 
 PICTURE_TIMEOUT = 5.0
 """Seconds in which a camera must show something."""
@@ -75,18 +75,16 @@ def add(
         hint = error.hint if isinstance(error, BadRequest) else ""
         raise click.UsageError(f"{error}" + (f"\n  try: {hint}" if hint else "")) from error
     fresh = people.new_ones(name, portraits)
-    alike = _who_is_like(people, name, fresh)
     before = people.find(name)
     there = sum(each.pictures for each in people.known() if each.name == before)
     kept = people.add(name, fresh)
     click.echo(f"{kept}: {len(fresh)} pictures kept in {people.where / kept}" + f", {there} before" * bool(there))
     if len(fresh) < len(portraits):
         click.echo(f"{len(portraits) - len(fresh)} pictures were there already, or given twice", err=True)
-    if alike:
-        click.echo(f"{kept} looks like {alike}: the robot may take one for the other", err=True)
-        click.echo("  try: more pictures of both, in other light and from other sides", err=True)
-        if otherwise := judged_otherwise(camera):
-            click.echo(otherwise, err=True)
+    for line in _advice(people, kept):
+        click.echo(line, err=True)
+    if otherwise := judged_otherwise(camera):
+        click.echo(otherwise, err=True)
     return SUCCESS
 
 
@@ -156,16 +154,24 @@ def _speaking(clock: Clock) -> Iterator[Callable[[str], object]]:
         voice.close()
 
 
-def _who_is_like(people: People, name: str, portraits: Sequence[Image]) -> str:
-    """Return the name of somebody for whom the new one would be taken; nothing for nobody."""
-    own = people.find(name)
-    others = {other: theirs for other, theirs in people.portraits(tell).items() if other != own}
-    if not others:
-        return ""
-    gallery = KnownPeople(others)
-    looks = [look for each in portraits if (look := gallery.look(each, face_in(each))) is not None]
-    taken = [look.name for look in looks if look.margin > 0]
-    return max(set(taken), key=taken.count) if 2 * len(taken) > len(looks) else ""
+def _advice(people: People, name: str) -> Iterator[str]:
+    """Yield whether the pictures of somebody are enough, and for whom the robot may take them."""
+    portraits = people.portraits(tell)
+    if name not in portraits:
+        return  # there is no room, and that was told
+    calibration, count = KnownPeople(portraits).calibration, len(portraits[name])
+    if count < ENOUGH:
+        yield f"{count} of {ENOUGH} pictures that are enough: with fewer, {name} is more often taken for a stranger"
+        yield f"  try: mission person add {quote(name)}, with pictures from other sides"
+    else:
+        yield f"{count} pictures are enough; pictures of other days, light and glasses still help"
+    if name in calibration.alike:
+        yield f"the pictures of {name} are nearly alike: on another day {name} may be taken for a stranger"
+        yield "  try: pictures in other light, from other sides and of other days"
+    alike = {each for pair in calibration.near.items() if name in pair for each in pair} - {name}
+    if alike:
+        yield f"{name} looks like {' and '.join(sorted(alike))}: the robot may take one for the other"
+        yield "  try: more pictures of both, in other light and from other sides"
 
 
 def _report(notice: DeviceStatus) -> None:

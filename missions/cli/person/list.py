@@ -47,7 +47,8 @@ def _row(known: Known) -> list[str]:
 def _data(known: list[Known], calibration: Calibration | None) -> dict[str, object]:
     rates = None
     if calibration is not None:
-        rates = {"method": "patches", "threshold": round(calibration.threshold, 3), "refused": calibration.refused,
+        threshold = round(min(calibration.thresholds.values()), 3)
+        rates = {"method": "patches", "threshold": threshold, "refused": calibration.refused,
                  "accepted": calibration.accepted, "looks": calibration.looks}  # fmt: skip
     people = [{"name": each.name, "pictures": each.pictures, "since": each.since} for each in known]
     return {"people": people, "rates": rates}
