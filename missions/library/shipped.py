@@ -6,7 +6,7 @@ from pathlib import Path
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
-from config.library import SUFFIXES, find, is_file, kinds_of
+from config.library import SUFFIXES, find, is_file, wrong_kind
 from missions.language.claims import Target
 from missions.language.document import load_plan
 from missions.language.plan import Plan
@@ -37,7 +37,7 @@ def find_mission(name: str, beside: Path = Path()) -> Path:
     is unique. Raises config.library.UnknownNameError with what may be meant.
     """
     for path in (beside / name, *(beside / f"{name}{suffix}" for suffix in SUFFIXES)):
-        if path.suffix in SUFFIXES and is_file(path) and "missions" in (kinds_of(path) or ["missions"]):
+        if path.suffix in SUFFIXES and is_file(path) and not wrong_kind("missions", path):
             return path
     library = shipped_missions()
     short = [path for full, path in library.items() if full.rpartition("/")[2] == name]

@@ -12,7 +12,7 @@ from behaviours.joint_ranges import degrees
 from behaviours.moves import Play
 from behaviours.playing import Playing
 from behaviours.tracking_error import Sample
-from config.library import find, shipped
+from config.library import SHEETS, find, shipped
 from drivers.api import Gesture, JointLimits
 from missions.cli.names import GESTURE
 from missions.cli.numbers import InUnit, Real
@@ -59,7 +59,10 @@ def play(
     target.require_joints()
     config = target.config()
     _check_files(plot, table, dry_run=dry_run)
-    movement = load_move(_find(name), rate=rate, arm=target.keys)
+    file = _find(name)
+    movement = load_move(file, rate=rate, arm=target.keys)
+    if file.suffix.lower() in SHEETS and movement.summary:
+        click.echo(movement.summary, err=True)
     limits = target.keys.limits
     playing = rehearsed(movement, limits, speed)
     click.echo(_summary(movement, playing, speed))

@@ -6,9 +6,8 @@ from typing import Any
 
 from config.faults import Diagnostic, InvalidFileError, Mark, Source
 from config.foreign import plain_data
+from missions.hands.moves.headings import TIME
 from missions.hands.moves.sheet import Sheet
-
-TIME = "time"
 
 
 def sheet_of(path: Path, form: str) -> Sheet:
@@ -26,7 +25,7 @@ def sheet_of(path: Path, form: str) -> Sheet:
     joints = list(dict.fromkeys(joint for frame in frames.values() for joint in frame))
     if not joints:
         raise InvalidFileError([Diagnostic(Source(str(path), ""), Mark(), "there is no frame in it")])
-    sheet = Sheet(str(path), 1, {name: column for column, name in enumerate((TIME, *joints), 1)})
+    sheet = Sheet(str(path), 1, headings={name: column for column, name in enumerate((TIME, *joints), 1)})
     pose: dict[str, float] = {}
     for frame in reversed(frames.values()):  # a motor that is named later stands there until then
         pose = {**pose, **frame}

@@ -12,7 +12,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
@@ -23,6 +23,7 @@ from config.marked import read_source
 from config.reading import note_read, open_regular
 from config.units import seen
 from missions.hands.moves import workbook
+from missions.hands.moves.headings import is_unit
 
 MAX_BYTES = 20_000_000
 
@@ -30,6 +31,8 @@ READING_TIMEOUT = 60.0
 """Seconds that a workbook may take to be read."""
 
 _COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+(?:[eE][-+]?[0-9]+)?")
+
+_SEPARATOR = re.compile(r"sep=([,;\t])\s*$", re.MULTILINE)
 
 Cell = float | str
 """A number, or a text; an empty cell is an empty text."""
@@ -44,6 +47,8 @@ class Sheet:
 
     name: str
     top: int  # the row of the headings
+    tab: str = ""  # its name in the workbook
+    others: Sequence[str] = ()  # further sheets of the workbook
     headings: dict[str, int] = field(default_factory=dict)
     rows: list[tuple[int, Sequence[Cell]]] = field(default_factory=list)
     faults: list[Diagnostic] = field(default_factory=list)
@@ -51,6 +56,27 @@ class Sheet:
     def fault(self, row: int, column: int, message: str, suggestion: str = "") -> None:
         """Note a mistake in one cell. Raises InvalidFileError once there are too many to go on."""
         note(self.faults, Diagnostic(Source(self.name, ""), Mark(row, column), message, suggestion))
+
+    @property
+    def is_workbook(self) -> bool:
+        """Whether it comes from a workbook."""
+        return bool(self.tab)
+
+    @property
+    def remark(self) -> str:
+        """What is said of a workbook with further sheets; empty for others."""
+        others = ", ".join(f"'{name}'" for name in self.others)
+        how = "a move file names another: tab: NAME"
+        return f"sheet '{self.tab}' is read, and not {others}; {how}" if others else ""
+
+    def refuse(self) -> None:
+        """Raise InvalidFileError if there are faults; the first one says which sheet of the workbook was read."""
+        if self.faults and self.others:
+            first = self.faults[0]
+            hint = "; ".join(filter(None, (first.suggestion, self.remark)))
+            self.faults[0] = replace(first, suggestion=hint)
+        if self.faults:
+            raise InvalidFileError(self.faults)
 
     def numbers(self, heading: str) -> list[float]:
         """Return the column under ``heading``; a cell without a number is a fault, and 0."""
@@ -66,7 +92,8 @@ class Sheet:
     def _number(self, row: int, column: int, cell: Cell) -> float:
         found = _value(cell)
         if found is None:
-            self.fault(row, column, "an empty cell" if cell == "" else f"{seen(cell)} is no number")
+            merged = "of merged cells the first one has the value: write it in each" if self.is_workbook else ""
+            self.fault(row, column, *(("an empty cell", merged) if cell == "" else (f"{seen(cell)} is no number", "")))
         return found or 0.0
 
 
@@ -75,22 +102,53 @@ def read_sheet(path: Path, tab: str | None = None) -> Sheet:
     kind = path.suffix.lower()
     if kind not in SHEETS:
         raise _refused(path, f"no spreadsheet: its name must end in {', '.join(SHEETS)}")
-    written = _separated(path) if kind == ".csv" else _workbook(path, tab)
+    name, others = "", list[str]()
+    if kind == ".csv":
+        written = _separated(path)
+    else:
+        written, name, others = _workbook(path, tab)
     if len(written) > workbook.MAX_ROWS:
         raise _refused(path, f"more than {workbook.MAX_ROWS:,} rows")
     rows = [
         (number, cells) for number, cells in enumerate(written, 1) if not str(next(iter(cells), "")).startswith("#")
     ]
     filled = [place for place, (_, cells) in enumerate(rows) if any(cell != "" for cell in cells)]
+    sheet = Sheet(str(path), rows[filled[0]][0] if filled else 1, name, others)
+    stands = True  # in the way of the rows
     if len(filled) < 2:
-        raise _refused(path, "it needs a row of headings, and rows of numbers under it")
-    sheet = Sheet(str(path), rows[filled[0]][0])
-    _take_headings(sheet, rows[filled[0]][1])
+        sheet.top = 1
+        sheet.fault(1, 1, "it needs a row of headings, and rows of numbers under it")
+    elif _is_title(rows[filled[0]][1], (under := rows[filled[1]])[1]):
+        hint = f"take out what stands above row {under[0]}: the headings come first"
+        sheet.fault(sheet.top, 1, "a title, and no row of headings", hint)
+    else:
+        _take_headings(sheet, rows[filled[0]][1])
+        stands = _has_units(sheet, *under)
+    if stands:
+        sheet.refuse()
     for number, cells in rows[filled[0] + 1 : filled[-1] + 1]:
         _take_row(sheet, number, cells)
-    if sheet.faults:
-        raise InvalidFileError(sheet.faults)
+    sheet.refuse()
     return sheet
+
+
+def _is_title(first: Sequence[Cell], second: Sequence[Cell]) -> bool:
+    """Say whether the first row is no row of headings: it has one cell alone, or the second row has headings."""
+    texts = [cell for cell in second if cell != "" and _value(cell) is None and not _COMMA.fullmatch(str(cell))]
+    alone = sum(cell != "" for cell in first) == 1 and sum(cell != "" for cell in second) > 1
+    headed = len(texts) > 1 and len(texts) == sum(cell != "" for cell in second)
+    return (alone or headed) and not all(is_unit(str(cell)) for cell in texts)
+
+
+def _has_units(sheet: Sheet, row: int, cells: Sequence[Cell]) -> bool:
+    """Note a row of units under the headings, and say whether there is one."""
+    named = [(heading, str(cells[column - 1])) for heading, column in sheet.headings.items() if column <= len(cells)]
+    units = [(heading, cell) for heading, cell in named if cell and is_unit(cell)]
+    found = bool(units) and all(cell == "" or is_unit(str(cell)) for cell in cells)
+    if found:
+        such = ", ".join(f"'{heading} ({cell.strip('()[] ')})'" for heading, cell in units[:2])
+        sheet.fault(row, 1, "a row of units", f"write each unit behind its heading, as in {such}, and take the row out")
+    return found
 
 
 def _take_headings(sheet: Sheet, cells: Sequence[Cell]) -> None:
@@ -112,7 +170,9 @@ def _take_row(sheet: Sheet, row: int, cells: Sequence[Cell]) -> None:
         sheet.fault(row, 1, "an empty row", "take it out: every row is a moment")
     elif stray is not None:
         hint = "a comma within a number makes two cells of it: write a point"
-        sheet.fault(row, stray, "a cell without a heading", hint if sheet.name.lower().endswith(".csv") else "")
+        if sheet.is_workbook:
+            hint = "each column needs a heading of its own, also below merged cells"
+        sheet.fault(row, stray, "a cell without a heading", hint)
     else:
         sheet.rows.append((row, cells))
 
@@ -122,6 +182,8 @@ def _separated(path: Path) -> list[list[Cell]]:
     text = read_source(path).text
     first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
     separator = max(",;\t", key=first.count)
+    if told := _SEPARATOR.match(text):  # a line of Excel's; it becomes a remark
+        separator, text = told[1], f"#{text}"
     try:
         rows = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
         return [[cell.strip() for cell in row] for row in rows]
@@ -129,8 +191,8 @@ def _separated(path: Path) -> list[list[Cell]]:
         raise _refused(path, f"no separated values: {error}") from error
 
 
-def _workbook(path: Path, tab: str | None) -> list[list[Cell]]:
-    """Read one sheet of a workbook."""
+def _workbook(path: Path, tab: str | None) -> tuple[list[list[Cell]], str, list[str]]:
+    """Read one sheet of a workbook; return its rows, its name, and the others if nobody has named it."""
     if find_spec("python_calamine") is None:
         raise _refused(path, "it needs python-calamine", "pip install 'missiontree[sheets]'")
     try:
@@ -149,7 +211,8 @@ def _workbook(path: Path, tab: str | None) -> list[list[Cell]]:
         raise _refused(path, f"no workbook: {told['error']}")
     if told["rows"] is None:
         raise _refused(path, f"there is no sheet {seen(tab)}", one_of(tab or "", told["sheets"]))
-    return [[_cell(value) for value in row] for row in told["rows"]]
+    others = [name for name in told["sheets"] if name != told["sheet"]] if tab is None else []
+    return [[_cell(value) for value in row] for row in told["rows"]], str(told["sheet"]), others
 
 
 def _cell(value: object) -> Cell:

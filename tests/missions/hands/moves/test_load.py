@@ -182,7 +182,11 @@ def test_all_that_is_wrong_with_a_sheet_is_said_at_once(sheet: Path, arm: ArmKey
     with pytest.raises(InvalidFileError) as caught:
         load_move(sheet, rate=10.0, arm=arm)
     assert [(fault.mark.column, fault.message, fault.suggestion) for fault in caught.value.faults] == [
-        (1, "there is no joint 'elbw'", "did you mean 'elbow'?"),
+        (
+            1,
+            "there is no joint 'elbw'",
+            "did you mean 'elbow'? without a unit it has radians: 'elbow (deg)' has degrees",
+        ),
         (2, "there is no joint 'hand_x'", "a move file says of which points a joint is made"),
     ]
 

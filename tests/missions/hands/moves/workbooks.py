@@ -1,6 +1,6 @@
 """Workbooks of one or more sheets, written by hand: as small as their formats allow."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 from zipfile import ZipFile
@@ -13,9 +13,9 @@ _PACKAGE = "http://schemas.openxmlformats.org/package/2006"
 _ODS = "urn:oasis:names:tc:opendocument:xmlns"
 
 
-def write_xlsx(path: Path, sheets: Mapping[str, Sequence[Row]]) -> Path:
+def write_xlsx(path: Path, sheets: Mapping[str, Sequence[Row]], hidden: Collection[str] = ()) -> Path:
     """Write an Office Open XML workbook."""
-    names = list(sheets)
+    names, states = list(sheets), ("visible", "hidden")
     with ZipFile(path, "w") as file:
         kinds = "".join(
             f'<Override PartName="/xl/worksheets/sheet{n}.xml" '
@@ -32,7 +32,8 @@ def write_xlsx(path: Path, sheets: Mapping[str, Sequence[Row]]) -> Path:
         )
         file.writestr("_rels/.rels", _relations([(f"{_OFFICE}/officeDocument", "xl/workbook.xml")]))
         listed = "".join(
-            f'<sheet name={quoteattr(name)} sheetId="{n}" r:id="rId{n}"/>' for n, name in enumerate(names, 1)
+            f'<sheet name={quoteattr(name)} sheetId="{n}" state="{states[name in hidden]}" r:id="rId{n}"/>'
+            for n, name in enumerate(names, 1)
         )
         file.writestr(
             "xl/workbook.xml", f'<workbook xmlns="{_MAIN}" xmlns:r="{_OFFICE}"><sheets>{listed}</sheets></workbook>'
