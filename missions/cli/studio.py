@@ -4,7 +4,6 @@ import ipaddress
 import os
 import socket
 import sys
-import webbrowser
 from contextlib import closing, suppress
 from errno import EADDRINUSE, EADDRNOTAVAIL
 from pathlib import Path
@@ -79,6 +78,7 @@ def command(
     try:
         from missions.studio import tokens  # noqa: PLC0415
         from missions.studio.access import Access  # noqa: PLC0415 - the extra may be missing
+        from missions.studio.opening import page_opener  # noqa: PLC0415
         from missions.studio.serving import Place, serve  # noqa: PLC0415
     except ImportError as error:
         raise click.UsageError(f"the studio needs {error.name}\n  try: pip install 'missiontree[studio]'") from error
@@ -101,10 +101,14 @@ def command(
                         "without TLS: who listens on this network can read the link (--certificate FILE)", err=True
                     )
             if in_browser:
-                webbrowser.open(place.link(access.once()))  # its command line is seen by all
+                opener.open()
+
+        def report(text: str) -> None:
+            click.echo(text, err=True)
 
         try:
-            running = serve(place, [listener], begun)
+            with page_opener(access, place.link, report) as opener:
+                running = serve(place, [listener], begun)
         except (SSLError, OSError) as error:
             raise click.ClickException(f"{certificate or host}: {error}") from error
     if running:

@@ -4,7 +4,7 @@ import json
 import re
 import socket
 import ssl
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import closing, suppress
 from functools import partial
 from http.client import HTTPResponse, HTTPSConnection
@@ -24,7 +24,6 @@ from missions.studio.commands import LARGEST
 from missions.studio.doors import MOST_CONNECTIONS
 from missions.studio.messages import protocol
 from missions.studio.reading import COMMANDS, MAX_REFUSED_BYTES
-from missions.studio.serving import Place
 from missions.studio.tokens import keep_tokens, kept_tokens
 from tests.cases import each
 from tests.missions.command import command
@@ -326,24 +325,6 @@ def test_the_token_that_a_browser_is_started_with_lets_in_once() -> None:
     assert token not in (access.operator, access.viewer)
     assert [access.by_token(token, "1.2.3.4") for _ in range(2)] == ["operator", None]
     assert access.by_token(access.operator, "1.2.3.4") == "operator"
-
-
-def test_a_browser_is_not_started_with_the_token_itself(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    opened: list[str] = []
-
-    def serve(place: Place, sockets: object, begun: Callable[[], None]) -> list[int]:
-        del sockets
-        begun()
-        assert place.access.by_token(opened[0].rpartition("token=")[2], "") == "operator"
-        return []
-
-    monkeypatch.setattr("missions.studio.serving.serve", serve)
-    monkeypatch.setattr("webbrowser.open", opened.append)
-    printed = command(capsys, "studio", "--port", "0", "--open")
-    assert printed.code == 0
-    assert opened[0].rpartition("token=")[2] not in printed.out
 
 
 def test_a_name_that_no_file_can_have_is_not_there(served: Served) -> None:
