@@ -172,10 +172,12 @@ def check_necks(notes: Notes, tree: Step, robot: Target) -> None:
         for step in tree.walk():
             turning = [child for child in step.children if head in child.claims] if step.kind in AT_ONCE else []
             moving = [child for child in step.children if turning and "arm" in child.claims]
-            for child, rival in ((child, rival) for child in moving for rival in turning if rival is not child):
-                for leaf in child.walk():
-                    if len(_misfits(leaf, others)) > len(_misfits(leaf, robot.reaches)):
-                        by = _claimant(rival, head)
+            for child in moving:
+                rivals = [rival for rival in turning if rival is not child]
+                for leaf in child.walk() if rivals else ():
+                    if len(_misfits(leaf, others)) <= len(_misfits(leaf, robot.reaches)):
+                        continue
+                    for by in (_claimant(rival, head) for rival in rivals):
                         notes.fault_at(
                             leaf,
                             f"'{leaf.kind}' moves joint '{joint}' of the {head}, which '{by.kind}' "

@@ -17,7 +17,7 @@ from missions.language.body import read_body
 from missions.language.claims import Target, check_claims, check_necks, check_needs, check_reach
 from missions.language.expressions import Expression
 from missions.language.flow import check_flow
-from missions.language.for_each import check_names
+from missions.language.for_each import check_names, own_steps
 from missions.language.nodes import MISSION, SWITCHES
 from missions.language.notes import Lookup, Notes, Words, no_missions
 from missions.language.outcomes import check_outcomes
@@ -37,7 +37,7 @@ def check_answers(notes: Notes, tree: Step) -> None:
 
 def _check_asked(notes: Notes, tree: Step, params: Collection[str]) -> None:
     """Check one mission; those in it have variables of their own."""
-    steps = list(_own(tree))
+    steps = list(own_steps(tree))
     answers = _answers(steps, params)
     for step in steps:
         for value in step.arguments.values():
@@ -51,13 +51,6 @@ def _check_asked(notes: Notes, tree: Step, params: Collection[str]) -> None:
                 _never(notes, step, name, case, answers[name])
         if step.kind == MISSION:
             _check_asked(notes, step.children[0], step.arguments.keys())
-
-
-def _own(step: Step) -> Iterator[Step]:
-    """Yield the steps of one mission, without those of the missions in it."""
-    yield step
-    for child in () if step.kind == MISSION else step.children:
-        yield from _own(child)
 
 
 def _answers(steps: Collection[Step], params: Collection[str]) -> Mapping[str, frozenset[str]]:
@@ -181,7 +174,8 @@ def _check(
 
     body = read_body(notes, root, take, read_step)
     tree = None if body is None else body.tree
-    if body is not None and tree is not None:
+    # What follows notes mistakes at steps alone, and none of those where a line could not be read.
+    if body is not None and tree is not None and not notes.torn:
         check_claims(notes, tree)
         if robot is not None:
             check_needs(notes, tree, robot)

@@ -1,6 +1,7 @@
 """``for_each``: a behaviour done once for each member of a list."""
 
-from collections.abc import Callable, Iterator
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from config.faults import one_of
 from config.marked import Listing, Mapping, Node, Scalar
@@ -117,25 +118,44 @@ def check_names(notes: Notes, tree: Step) -> None:
     """Note what gives another value to a name that a for_each is using: something it does, or something beside it."""
     for step in tree.walk():
         if step.kind == FOR_EACH:
-            for below in own_steps(step.children[0]):
-                _note(notes, below, step)
+            (below,) = step.children
+            for name in below.names.intersection(step.binds):
+                _note(notes, below, name, [step])
         elif step.kind in AT_ONCE:
-            for child in step.children:
-                loops = [each for each in own_steps(child) if each.kind == FOR_EACH]
-                for other in (other for other in step.children if other is not child):
-                    for below in own_steps(other):
-                        for loop in loops:
-                            _note(notes, below, loop)
+            for child, name, loops in _beside(step.children):
+                _note(notes, child, name, loops)
 
 
-def _note(notes: Notes, step: Step, loop: Step) -> None:
-    for name in sorted(step.own_names & set(loop.binds)) if step.leaf is not Hole else ():
-        where = f"for_each (line {loop.mark.line}) is using"
-        notes.fault_at(step, f"'{step.kind}' gives another value to '{name}', which {where}", "take another name")
+def _beside(children: Sequence[Step]) -> Iterator[tuple[Step, str, Iterator[Step]]]:
+    """Yield each child with each name that it sets, and with the loops of other children that use this name."""
+    setters = Counter(name for child in children for name in child.names)
+    shared = {name for name, count in setters.items() if count > 1}
+    users: dict[str, list[tuple[Step, Step]]] = defaultdict(list)
+    for child in children if shared else ():
+        for loop in own_steps(child):
+            for name in shared.intersection(loop.binds) if loop.kind == FOR_EACH else ():
+                users[name].append((child, loop))
+    for child in children if users else ():
+        for name in child.names & users.keys():
+            yield child, name, (loop for user, loop in users[name] if user is not child)
+
+
+def _note(notes: Notes, steps: Step, name: str, loops: Iterable[Step]) -> None:
+    """Note each step among ``steps`` that sets the ``name`` of these loops; what a hole may set is not known."""
+    for loop in loops:
+        for step in own_steps(steps):
+            if name in step.own_names and step.leaf is not Hole:
+                where = f"for_each (line {loop.mark.line}) is using"
+                notes.fault_at(
+                    step, f"'{step.kind}' gives another value to '{name}', which {where}", "take another name"
+                )
 
 
 def own_steps(step: Step) -> Iterator[Step]:
     """Yield a step and all below it that have the same variables: those inside a sub-mission have their own."""
-    yield step
-    for child in () if step.kind == MISSION else step.children:
-        yield from own_steps(child)
+    waiting = [step]
+    while waiting:
+        found = waiting.pop()
+        yield found
+        if found.kind != MISSION:
+            waiting.extend(reversed(found.children))

@@ -1,7 +1,7 @@
 """What the checker knows while it reads one mission, and the faults that it has found."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field
 from pathlib import Path
 from typing import get_origin
@@ -104,10 +104,16 @@ class Notes:
         """How gestures and controllers are found."""
         return self.words.things
 
-    @property
-    def known_kinds(self) -> Mapping[str, Kind]:
-        """The kinds of the params that nothing else gives a value to."""
-        return {name: kind_of_value(value) for name, value in self.params.items() if name not in self.stored}
+    def known_kinds(self, value: Value) -> Mapping[str, Kind]:
+        """Return the kinds of the params that ``value`` reads and that nothing else gives a value to."""
+        names = () if value.template is None else {read.name for read in value.template.reads}
+        known = (name for name in names if name in self.params and name not in self.stored)
+        return {name: kind_of_value(self.params[name]) for name in known}
+
+    def forget_kinds(self, names: Iterable[str]) -> None:
+        """Take it that these variables may hold anything."""
+        for name in names:
+            self.kept.pop(name, None)
 
     def fault(self, mark: Mark, message: str, suggestion: str = "", *, sure: bool = False) -> None:
         """Note a mistake; where a line of the file could not be read, only what is ``sure`` whatever stood there."""
@@ -174,8 +180,8 @@ class Notes:
 
     def awaits(self, formula: Template | Expression) -> bool:
         """Say whether all that it waits for are params that nobody has given yet."""
-        unknown = {read.name for read in formula.reads} - (self.params.keys() - self.stored)
-        return unknown <= self.awaited
+        names = {read.name for read in formula.reads}
+        return all(name in self.awaited or (name in self.params and name not in self.stored) for name in names)
 
     def wrong_expression(self, node: Scalar, error: ExpressionError, what: str) -> None:
         """Note an expression that cannot be read, at its place in ``node``."""

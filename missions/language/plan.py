@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import field
+from functools import cached_property
 
 from behaviours.leaf import Leaf
 from config.faults import Mark, Source
@@ -17,7 +18,7 @@ SENSE_OF_STATE = {"face": "faces", "face.name": "names", "face.undecided": "name
 """What the camera is to look for so that it is known: a piece of state, and some members of one."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Step:
     """One node of the tree to be: a leaf, a composite, a sub-mission, or a modifier around its one child.
 
@@ -29,6 +30,8 @@ class Step:
     those that a hole may set.
     ``text`` is what stands behind the word, where that is one value. ``written`` are the arguments by name, as the file
     has them and in its order, for pictures.
+
+    What a whole subtree sets or claims is computed once for each step: each level above asks for it again.
     """
 
     kind: str
@@ -48,11 +51,13 @@ class Step:
 
     def walk(self) -> Iterator["Step"]:
         """This step and all below it, in the order of the file."""
-        yield self
-        for child in self.children:
-            yield from child.walk()
+        waiting = [self]
+        while waiting:
+            step = waiting.pop()
+            yield step
+            waiting.extend(reversed(step.children))
 
-    @property
+    @cached_property
     def own_names(self) -> frozenset[str]:
         """The variables of its mission that it sets itself, not those that something below it does."""
         found = {*self.binds, *(() if self.keep_as is None else (self.keep_as,))}
@@ -62,10 +67,17 @@ class Step:
             found |= self.arguments.keys()
         return frozenset(found)
 
-    @property
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """The variables of its mission that it sets, or that something below it does."""
+        below = () if self.kind == MISSION else self.children
+        return self.own_names.union(*(child.names for child in below))
+
+    @cached_property
     def claims(self) -> frozenset[str]:
         """The actuators that it drives, or that something below it does."""
-        return frozenset().union(*(step.leaf.drives for step in self.walk() if step.leaf is not None))
+        own = frozenset[str]() if self.leaf is None else self.leaf.drives
+        return own.union(*(child.claims for child in self.children))
 
     @property
     def needs(self) -> frozenset[str]:

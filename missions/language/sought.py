@@ -17,6 +17,10 @@ MOST = 2000
 """So many ways to fill the names of one expression are tried; one that has more is taken for unknown."""
 
 
+MAX_FILLED = 20_000
+"""Ways tried for all expressions of a mission together: each makes a text, which others may be filled with."""
+
+
 def looked_for(tree: Step) -> tuple[Wanted, ...]:
     """Return the objects that a mission may look for, each once: what its sense for things is told before it starts."""
     texts: list[str] | None = None
@@ -74,9 +78,12 @@ def _texts(tree: Step) -> list[str]:
     """Return all texts that a variable of a mission may have: those that stand in it, and those made of them."""
     values = [value for step in tree.walk() for value in step.arguments.values()]
     found = dict.fromkeys(text for value in values for text in _within(value.constant))
+    left = MAX_FILLED
     for value in values:
-        if value.template is not None:
-            found |= dict.fromkeys(made for made in _filled(value, [*found]) if isinstance(made, str))
+        if value.template is not None and value.template.reads and len(found) <= min(left, MOST):
+            tried = [*_filled(value, [*found])]
+            left -= len(tried)
+            found |= dict.fromkeys(made for made in tried if isinstance(made, str))
     return [*found]
 
 

@@ -61,7 +61,7 @@ def read_submission(
     returns = read_returns(replace(inner, source=notes.source), own) if own is not None else body.returns
     if beside.get("as") is None:
         notes.stored |= returns.keys()
-        notes.kept = {name: leaf for name, leaf in notes.kept.items() if name not in returns}
+        notes.forget_kinds(returns)
     elif not returns:
         notes.fault(key.mark, f"mission '{value.text}' returns nothing that 'as' could keep")
     shown = name or body.mission

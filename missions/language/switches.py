@@ -119,6 +119,6 @@ def read_switch(
         written={"on": on.text},
     )
     repeated = _repeated(step, [case for case, _ in cases.entries])
-    for fault in (*misfit_cases(step, kind_made(chosen, notes.known_kinds)), *repeated):
+    for fault in (*misfit_cases(step, kind_made(chosen, notes.known_kinds(chosen))), *repeated):
         notes.fault(fault.mark, fault.message, fault.suggestion)
     return step

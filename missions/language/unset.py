@@ -6,7 +6,7 @@ condition on a variable may be safe, one whose failure is caught may fail, and o
 may have set something for another.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -24,11 +24,34 @@ from missions.language.values import Value
 CONDITIONS = frozenset({*SWITCHES, *(word for word, kind in MODIFIERS.items() if kind.value == "condition")})
 """The kinds of nodes that ask an expression which way to go."""
 
-Way = tuple[str, ...]
-"""What has to happen, in order, for a variable to be unset at some place; nothing, where that is so at first."""
+MAX_READINGS = 100
+"""Readings whose ways are followed: ``config.faults.MAX_FAULTS``, since no more than those are reported."""
 
-Unset = Mapping[str, Way]
-"""The variables that may be unset at some place, each with a shortest way."""
+
+class Event(NamedTuple):
+    """The last event of a way, after those ``before``; ``length`` counts them all."""
+
+    text: str
+    before: "Way"
+    length: int
+
+
+Way = Event | None
+"""What has to happen, in order, for a variable to be unset at some place; None where that is so at first."""
+
+
+class Unset(NamedTuple):
+    """The variables that may be unset at some place: a bit for each in ``bits``, and the shortest ``ways`` of some.
+
+    Every step has such a value. A mapping of all variables to their ways would take time that is quadratic in the
+    number of steps, and so would sets.
+    """
+
+    bits: int
+    ways: Mapping[str, Way]
+
+
+NONE = Unset(0, {})
 
 
 class After(NamedTuple):
@@ -42,11 +65,11 @@ class After(NamedTuple):
 class Here:
     """What holds for a step from around it: ``granted`` names count as set, in a ``caught`` one failures do no harm.
 
-    A ``guarded`` one stands behind a condition on a variable: whether it is ever run with one unset, nobody can say.
-    By ``never_zero`` names anything can be divided.
+    ``granted`` has a bit for each name, as in ``Unset``. A ``guarded`` one stands behind a condition on a variable:
+    whether it is ever run with one unset, nobody can say. By ``never_zero`` names anything can be divided.
     """
 
-    granted: frozenset[str] = frozenset()
+    granted: int = 0
     caught: bool = False
     guarded: bool = False
     never_zero: frozenset[str] = frozenset()
@@ -59,22 +82,39 @@ class Reading(NamedTuple):
     name: str
     way: Way
 
+    @property
+    def events(self) -> Sequence[str]:
+        """The events of the way, in order."""
+        found, way = list[str](), self.way
+        while way is not None:
+            found.append(way.text)
+            way = way.before
+        return found[::-1]
 
-def unset_reads(
-    tree: Step, names: Iterable[str], sets: Callable[[Step], frozenset[str]], params: Mapping[str, object]
-) -> list[Reading]:
-    """Return what is read in ``tree`` without being set on every way; ``names`` are unset where it begins."""
-    ways = _Ways(sets)
-    ways.after(tree, dict.fromkeys(names, ()), Here(never_zero=never_zero(tree, params)))
-    return ways.found
+
+def unset_reads(tree: Step, names: Iterable[str], params: Mapping[str, object]) -> list[Reading]:
+    """Return what is read in ``tree`` without being set on every way; ``names`` are unset where it begins.
+
+    The first ``MAX_READINGS`` are complete; of others, only those of the same variables are returned.
+    """
+    here = Here(never_zero=never_zero(tree, params))
+    names = tuple(names)
+    found = _Ways().read(tree, names, here)  # bits alone: most missions have no such reading
+    return _Ways({each.name for each in found[:MAX_READINGS]}).read(tree, names, here) if found else []
 
 
 class _Ways:
-    """Goes through a tree once, and notes in ``found`` what is read too soon."""
+    """Goes through a tree once, and notes in ``found`` what is read too soon. Ways are kept of ``followed`` names."""
 
-    def __init__(self, sets: Callable[[Step], frozenset[str]]) -> None:
+    def __init__(self, followed: Collection[str] = frozenset()) -> None:
         self.found: list[Reading] = []
-        self._sets = sets
+        self._followed = followed
+        self._bits: dict[str, int] = {}
+
+    def read(self, tree: Step, names: Iterable[str], here: Here) -> list[Reading]:
+        """Return what is read too soon in a tree before which ``names`` are unset."""
+        self.after(tree, self._at_first(names), here)
+        return [each for each in self.found if each.name in self._followed] if self._followed else self.found
 
     def after(self, step: Step, unset: Unset, here: Here) -> After:
         """Return what may be unset after ``step``, before which ``unset`` may be."""
@@ -95,35 +135,65 @@ class _Ways:
             return self.in_order(step, unset, here, passes=kind.passes)
         return self.at_once(step, unset, here, all_succeed=kind.passes == SUCCESS)
 
+    def _bits_of(self, names: Iterable[str]) -> int:
+        """Return the bits of some names, each of which has the same one in all steps."""
+        found = 0
+        for name in names:
+            found |= self._bits.setdefault(name, 1 << len(self._bits))
+        return found
+
+    def _at_first(self, names: Iterable[str]) -> Unset:
+        names = tuple(names)
+        return Unset(self._bits_of(names), dict.fromkeys(name for name in names if name in self._followed))
+
+    def _without(self, names: Collection[str], unset: Unset) -> Unset:
+        """Return what is unset still, once ``names`` are set."""
+        if not names:
+            return unset
+        ways = {name: way for name, way in unset.ways.items() if name not in names}
+        return Unset(unset.bits & ~self._bits_of(names), ways)
+
+    def _among(self, names: Iterable[str], bits: int) -> list[str]:
+        """Return those of some names that have a bit."""
+        return [name for name in names if bits & self._bits_of((name,))]
+
     def _read(self, step: Step, value: Value, unset: Unset, here: Here) -> None:
-        for name in sorted(surely_read(value)):
-            if name in unset and not (name in here.granted or here.caught or here.guarded):
-                self.found.append(Reading(step, name, unset[name]))
+        if here.caught or here.guarded:
+            return
+        for name in self._among(sorted(surely_read(value)), unset.bits & ~here.granted):
+            self.found.append(Reading(step, name, unset.ways.get(name)))
 
     def _leaf(self, step: Step, unset: Unset, here: Here) -> After:
-        known = _without(step.own_names, unset)
+        known = self._without(step.own_names, unset)
         if step.leaf is Hole:
-            return After(known, {})  # nobody knows whether it can fail, and with what unset
+            return After(known, NONE)  # nobody knows whether it can fail, and with what unset
         ends = {FAILURE} if step.leaf is Fail else set(ends_of(step))
-        values = step.arguments.values()
-        if step.leaf in (Log, Set, Succeed) and not any(may_fail(value, unset, here.never_zero) for value in values):
+        if step.leaf in (Log, Set, Succeed) and not self._may_fail(step, unset, here):
             ends.discard(FAILURE)
         return After(
             known if SUCCESS in ends else None, _by(f"{_shown(step)} fails", unset) if FAILURE in ends else None
         )
 
+    def _may_fail(self, step: Step, unset: Unset, here: Here) -> bool:
+        for value in step.arguments.values():
+            reads = () if value.template is None else value.template.reads
+            if may_fail(value, self._among((read.name for read in reads), unset.bits), here.never_zero):
+                return True
+        return False
+
     def _mission(self, step: Step, unset: Unset, here: Here) -> After:
         (tree,) = step.children
-        names = self._sets(tree) - step.arguments.keys()
         held = never_zero(tree, {name: value.constant for name, value in step.arguments.items()})
-        after = self.after(tree, dict.fromkeys(names, ()), replace(here, granted=frozenset(), never_zero=held))
+        inner = replace(here, granted=0, never_zero=held)
+        after = self.after(tree, self._at_first(tree.names - step.arguments.keys()), inner)
         for value in step.returns.values():
-            self._read(step, value, after.success or {}, here)
-        lost = [name for name, value in step.returns.items() if surely_read(value) & (after.failure or {}).keys()]
+            self._read(step, value, after.success or NONE, here)
+        lacking = 0 if after.failure is None else after.failure.bits
+        lost = [name for name, value in step.returns.items() if self._among(surely_read(value), lacking)]
         kept = step.own_names.difference(lost if step.keep_as is None else [step.keep_as] if lost else [])
         return After(
-            None if after.success is None else _without(step.own_names, unset),
-            None if after.failure is None else _by(f"{_shown(step)} fails", _without(kept, unset)),
+            None if after.success is None else self._without(step.own_names, unset),
+            None if after.failure is None else _by(f"{_shown(step)} fails", self._without(kept, unset)),
         )
 
     # --- composites -----------------------------------------------------------------------------------------------
@@ -145,11 +215,14 @@ class _Ways:
     def at_once(self, step: Step, unset: Unset, here: Here, *, all_succeed: bool) -> After:
         """Follow children that run at once, or in any order; ``all_succeed`` where a success needs all of them."""
         found = []
+        once = twice = 0
         for child in step.children:
-            granted = here.granted | self._beside(step, child)
-            found.append(
-                self.after(child, unset, replace(here, caught=here.caught or catches(step, child), granted=granted))
-            )
+            own = self._bits_of(child.names)
+            once, twice = once | own, twice | (once & own)
+        for child in step.children:
+            beside = twice | (once & ~self._bits_of(child.names))  # what another child sets
+            inner = replace(here, caught=here.caught or catches(step, child), granted=here.granted | beside)
+            found.append(self.after(child, unset, inner))
         if step.kind == "race":
             found = [
                 After(_by(f"{_shown(child)} ends first", after.success), after.failure)
@@ -157,15 +230,15 @@ class _Ways:
             ]
         success = _either(after.success for after in found)
         if all_succeed and not step.arguments and success is not None:
-            still = [after.success for after in found if after.success is not None]
-            success = {name: way for name, way in success.items() if all(name in each for each in still)}
+            still = success.bits
+            for each in found:
+                still &= -1 if each.success is None else each.success.bits
+            success = Unset(still, {name: success.ways[name] for name in self._among(success.ways, still)})
         elif step.arguments and success is not None:
-            enough = (f"{_shown(step)} succeeds without it",)
-            success = {name: way or (enough if name in self._sets(step) else way) for name, way in success.items()}
+            enough = Event(f"{_shown(step)} succeeds without it", None, 1)
+            ways = {name: way or (enough if name in step.names else way) for name, way in success.ways.items()}
+            success = Unset(success.bits, ways)
         return After(success, _either(after.failure for after in found))
-
-    def _beside(self, step: Step, child: Step) -> frozenset[str]:
-        return frozenset().union(*(self._sets(other) for other in step.children if other is not child))
 
     def one_of(self, step: Step, unset: Unset, here: Here) -> After:
         """Follow a switch."""
@@ -184,7 +257,7 @@ class _Ways:
 
     def for_each(self, step: Step, unset: Unset, here: Here) -> After:
         """Follow one round of a for_each, and the way around it where its list may be empty."""
-        after = self.after(step.children[0], _without(step.binds, unset), here)
+        after = self.after(step.children[0], self._without(step.binds, unset), here)
         among = step.arguments["in"].constant
         empty = None if isinstance(among, Members) and among.count else _by(f"{_shown(step)} has no member", unset)
         return After(_either((after.success, empty)), after.failure)
@@ -194,7 +267,7 @@ class _Ways:
     def _modifier(self, step: Step, unset: Unset, here: Here) -> After:
         if step.kind == UNKNOWN:  # it may make one end of another, or let one never be: nobody after it is blamed
             self.after(step.children[0], unset, replace(here, guarded=True, caught=True))
-            return After({}, {})
+            return After(NONE, NONE)
         kind = MODIFIERS[step.kind]
         guarded = here.guarded or (bool(kind.cut_when) and _asks_variables(step))
         caught = here.caught or catches(step, step.children[0])
@@ -237,25 +310,28 @@ def catches(step: Step, child: Step) -> bool:
 
 def _by(event: str, unset: Unset | None) -> Unset | None:
     """Return what is unset, once ``event`` has happened besides."""
-    return None if unset is None else {name: (*way, event) for name, way in unset.items()}
-
-
-def _without(names: Collection[str], unset: Unset) -> Unset:
-    """Return what is unset still, once ``names`` are set."""
-    return {name: way for name, way in unset.items() if name not in names}
+    if unset is None or not unset.ways:
+        return unset
+    ways = {name: Event(event, way, 1 if way is None else way.length + 1) for name, way in unset.ways.items()}
+    return Unset(unset.bits, ways)
 
 
 def _either(ways: Iterable[Unset | None]) -> Unset | None:
     """Return what may be unset by one of these ways, each variable by the shortest; None where there is no way."""
-    found: dict[str, Way] | None = None
+    bits: int | None = None
+    found: dict[str, Way] = {}
     for unset in ways:
         if unset is None:
             continue
-        found = {} if found is None else found
-        for name, way in unset.items():
-            if name not in found or len(way) < len(found[name]):
+        bits = unset.bits if bits is None else bits | unset.bits
+        for name, way in unset.ways.items():
+            if name not in found or _length(way) < _length(found[name]):
                 found[name] = way
-    return found
+    return None if bits is None else Unset(bits, found)
+
+
+def _length(way: Way) -> int:
+    return 0 if way is None else way.length
 
 
 def _shown(step: Step) -> str:

@@ -1,9 +1,10 @@
 """Which kinds of values the variables of a mission hold, and whether all that is calculated from them goes together."""
 
+from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
-from config.faults import Diagnostic, note
+from config.faults import MAX_FAULTS, Diagnostic, note
 from config.units import NUMBER
 from missions.language.for_each import Members, own_steps
 from missions.language.inference import kind_made, mismatches
@@ -17,44 +18,64 @@ from missions.language.values import Value
 
 Kinds = Mapping[str, Kind]
 
+MAX_ROUNDS = 8
+"""Changes of a variable's kind by one setter: a kind is settled, widened at most twice, and then unknown."""
+
 
 def check_kinds(notes: Notes, tree: Step, returns: Mapping[str, Value]) -> None:
     """Note every expression whose parts do not go together, or that does not fit where it stands."""
     given = {name: kind_of_value(value) for name, value in notes.params.items()} | notes.kinds
-    found: list[Diagnostic] = []
+    found: dict[Diagnostic, None] = {}  # a mission that is used twice has its mistakes once
     _check(tree, returns, given, found)
-    for fault in dict.fromkeys(found):  # a mission that is used twice has its mistakes once
+    for fault in found:
         if not notes.torn:
             note(notes.faults, fault)
 
 
-def _check(tree: Step, returns: Mapping[str, Value], given: Kinds, found: list[Diagnostic]) -> None:
+def _check(tree: Step, returns: Mapping[str, Value], given: Kinds, found: dict[Diagnostic, None]) -> None:
     """Check one mission, and those in it."""
     kinds = kinds_in(tree, given)
     values = [value for step in own_steps(tree) for value in step.arguments.values()]
     for value in (*values, *returns.values()):
         if value.template is not None and value.where is not None:
-            found += mismatches(value.template, value.where, kinds)
+            found |= dict.fromkeys(mismatches(value.template, value.where, kinds))
+        if len(found) > MAX_FAULTS:
+            return  # no more than these are told, and the place of each is looked up in the whole text
     for step in own_steps(tree):
         if step.kind == MISSION:
             _check(step.children[0], step.returns, _given(step), found)
         elif step.kind in SWITCHES:
-            found += misfit_cases(step, kind_made(step.arguments["on"], kinds))
+            found |= dict.fromkeys(misfit_cases(step, kind_made(step.arguments["on"], kinds)))
 
 
 def kinds_in(tree: Step, given: Kinds) -> Kinds:
     """Return the kinds of the variables of one mission, where its params are of the kinds ``given``."""
     setters = [setter for step in own_steps(tree) for setter in _set_by(step)]
     kinds: dict[str, Kind] = {**dict.fromkeys((name for name, _ in setters), UNSETTLED), **given}
-    for _ in range(len(setters) + 1):  # each round settles one variable at least
-        settled = dict(kinds)
-        for name, what in setters:
-            kind = kind_made(what, kinds) if isinstance(what, Value) else what(kinds) if callable(what) else what
-            settled[name] = joined(settled[name], kind)
-        if settled == kinds:
-            break
-        kinds = settled
+    readers: dict[str, list[int]] = defaultdict(list)
+    for place, (_, what) in enumerate(setters):
+        for name in _read_by(what) & kinds.keys():
+            readers[name].append(place)
+    # Only what reads a variable whose kind has changed is inferred anew: a round over all setters for each of them
+    # would take time that is quadratic in their number.
+    waiting, rounds = deque(range(len(setters))), Counter[int]()
+    while waiting:
+        place = waiting.popleft()
+        name, what = setters[place]
+        kind = kind_made(what, kinds) if isinstance(what, Value) else what(kinds) if callable(what) else what
+        settled = joined(kinds[name], kind)
+        if settled != kinds[name] and rounds[place] < MAX_ROUNDS:
+            rounds[place] += 1
+            kinds[name] = settled
+            waiting.extend(readers[name])
     return kinds
+
+
+def _read_by(what: object) -> set[str]:
+    """Return the variables by whose kinds the kind of a value is inferred."""
+    value = what.args[0] if isinstance(what, partial) else what
+    formula = value.template if isinstance(value, Value) else None
+    return set() if formula is None else {read.name for read in formula.reads}
 
 
 def _set_by(step: Step) -> Iterator[tuple[str, Value | Kind | Callable[[Kinds], Kind]]]:

@@ -1,11 +1,9 @@
 """From a checked plan to one whose leaves are stand-ins and whose unknown values are choices."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 from behaviours.leaf import FAILURE, Leaf
-from missions.language.flow import sets
-from missions.language.for_each import Members
+from missions.language.for_each import Members, own_steps
 from missions.language.kinds import STATE
 from missions.language.nodes import FOR_EACH, MISSION, MODIFIERS, SWITCHES
 from missions.language.plan import Plan, Step
@@ -39,7 +37,7 @@ def abstract(step: Step, oracle: Oracle, watch: Watch, names: frozenset[str]) ->
 
     ``names`` are the variables that something sets in its mission.
     """
-    inner = sets(step.children[0]) if step.kind == MISSION else names
+    inner = step.children[0].names if step.kind == MISSION else names
     children = tuple(abstract(child, oracle, watch, inner) for child in step.children)
     if step.leaf is not None:
         return replace(step, leaf=stand_in(step, oracle, watch), arguments=_arguments(step, step.leaf, oracle, names))
@@ -151,16 +149,9 @@ def missing(plan: Plan) -> frozenset[str]:
     """Return the params that only a caller can give, and that this one did not."""
     reads = {
         read.name
-        for step in _own(plan.tree)
+        for step in own_steps(plan.tree)
         for value in step.arguments.values()
         if value.template is not None
         for read in value.template.reads
     }
-    return frozenset(reads - plan.params.keys() - sets(plan.tree) - STATE.keys())
-
-
-def _own(step: Step) -> Iterator[Step]:
-    """Return the steps of the mission itself, without those inside its sub-missions."""
-    yield step
-    for child in () if step.kind == MISSION else step.children:
-        yield from _own(child)
+    return frozenset(reads - plan.params.keys() - plan.tree.names - STATE.keys())

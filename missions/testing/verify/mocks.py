@@ -139,7 +139,17 @@ def waits(step: Step) -> float | None:
 
 
 def stand_in(step: Step, oracle: Oracle, watch: Watch) -> type[StandIn]:
-    """Return the class of a stand-in for the leaf of a step."""
+    """Return the class of a stand-in for the leaf of a step: the same one for steps that are alike.
+
+    A class for each step would make ``isinstance`` slow, which asks all subclasses of an abstract class.
+    """
+    alike = step.leaf, waits(step), outcomes(step)
+    if alike not in watch.stand_ins:
+        watch.stand_ins[alike] = _stand_in(step, oracle, watch)
+    return watch.stand_ins[alike]
+
+
+def _stand_in(step: Step, oracle: Oracle, watch: Watch) -> type[StandIn]:
     real = step.leaf or Leaf
     declared = {
         name: getattr(real, name)

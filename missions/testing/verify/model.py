@@ -15,7 +15,6 @@ from behaviours.run import SENSOR_TIMEOUT, NodeByNode, Run
 from missions.executive.build import build
 from missions.executive.modifiers import Repeat
 from missions.executive.timed import ASKED_AGAIN, Hold, Timeout
-from missions.language.flow import sets
 from missions.language.kinds import STATE
 from missions.language.plan import Plan
 from missions.testing.verify.abstract import abstract, durations, missing
@@ -60,7 +59,7 @@ class Model:
         self.run.observer = NodeByNode(self.watch.changed)
         self.run.variables.update({part: Sensed(self.oracle, part) for part in STATE})
         self.run.variables.update(dict.fromkeys(missing(plan), UNKNOWN))
-        tree = abstract(plan.tree, self.oracle, self.watch, sets(plan.tree))
+        tree = abstract(plan.tree, self.oracle, self.watch, plan.tree.names)
         self.root = build(replace(plan, tree=tree), self.run, lambda _: Robot())
         self.nodes = list(_walk(self.root))
         self.monitors: tuple[Following, ...] = tuple(follow(promise, self.nodes) for promise in plan.properties)

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 from behaviours.node import Node
-from missions.language.flow import sets
 from missions.language.nodes import MISSION
 from missions.language.plan import Step
 from missions.language.reading import surely_read
@@ -16,7 +15,7 @@ def readers(tree: Step, nodes: Sequence[Node]) -> Mapping[Node, frozenset[str]]:
 
     Those whose failure does no harm are left out.
     """
-    read = dict(_reads(tree, "1", sets(tree)))
+    read = dict(_reads(tree, "1", tree.names))
     return {node: names for node in nodes if (names := read.get(node.key))}
 
 
@@ -24,7 +23,7 @@ def _reads(step: Step, key: str, names: frozenset[str]) -> Iterator[tuple[str, f
     """Yield the variables by the keys of their nodes."""
     if step.kind not in TIMES:
         yield key, frozenset[str]().union(*map(surely_read, step.arguments.values())) & names
-    inner = sets(step.children[0]) if step.kind == MISSION else names
+    inner = step.children[0].names if step.kind == MISSION else names
     for place, child in enumerate(step.children, start=1):
         if not catches(step, child):
             yield from _reads(child, f"{key}.{place}", inner)

@@ -1,5 +1,6 @@
 """The variables of a mission, and of those inside it, as far as they decide anything yet."""
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
 from behaviours.leaf import RUNNING
@@ -24,7 +25,7 @@ class Scopes:
     def take(self, rows: Rows) -> tuple[Row, ...]:
         """Return what is live of each scope; ``rows`` stand for the state that the nodes are in."""
         if rows not in self._live_in:
-            self._live_in[rows] = tuple(map(self._live_now, self._scopes))
+            self._live_in[rows] = self._live_now()
         each = zip(self._scopes, self._live_in[rows], strict=True)
         return tuple(frozen(scope if live is None else _only(scope, live)) for scope, live in each)
 
@@ -34,13 +35,16 @@ class Scopes:
             scope.clear()
             scope.update(thawed(row))
 
-    def _live_now(self, scope: Scope) -> frozenset[str] | None:
-        """Return the variables of one scope that are live; None for all, before the start and while a halt goes on."""
+    def _live_now(self) -> tuple[frozenset[str] | None, ...]:
+        """Return the variables of each scope that are live; None for all, before the start and while a halt goes on."""
         halting = any(isinstance(node, Parent) and node.ending is not None for node in self._nodes)
         if halting or self._nodes[0].status is not RUNNING:
-            return None
-        running = (node for node in self._nodes if node.scope is scope and node.status is RUNNING)
-        return frozenset().union(*(self._live[node.key] for node in running))
+            return (None,) * len(self._scopes)
+        live: dict[int, set[str]] = defaultdict(set)
+        for node in self._nodes:
+            if node.status is RUNNING:
+                live[id(node.scope)] |= self._live[node.key]
+        return tuple(frozenset(live[id(scope)]) for scope in self._scopes)
 
 
 def _only(scope: Scope, names: frozenset[str]) -> Mapping[str, object]:

@@ -56,9 +56,8 @@ class Part:
         return not self.lasting or all(getattr(node, name) is at_rest for name, at_rest in self.lasting)
 
     @classmethod
-    def of(cls, node: Node, nodes: Sequence[Node]) -> "Part":
-        """Take what ``node`` has now as what it has at rest."""
-        parent = next((place for place, other in enumerate(nodes) if node in other.children), None)
+    def of(cls, node: Node, parent: int | None) -> "Part":
+        """Take what ``node`` has now as what it has at rest; ``parent`` is the place of its parent among the nodes."""
         running, lasting = declared_state(type(node))
         names = tuple(name for name in sorted(running | lasting) if name != "result" or not _gives_anew(node))
         at_rest = tuple((name in lasting, getattr(node, name)) for name in names)
@@ -71,7 +70,8 @@ class Snapshots:
 
     def __init__(self, nodes: Sequence[Node], timing: Timing) -> None:
         self._timing = timing
-        self._parts = [Part.of(node, nodes) for node in nodes]
+        parents = {child: place for place, node in enumerate(nodes) for child in node.children}
+        self._parts = [Part.of(node, parents.get(node)) for node in nodes]
         self._own: list[dict[str, Any]] = [vars(node) for node in nodes]
         self._numbers: dict[tuple[tuple[str, ...], Row], int] = {}
         self._fields: list[tuple[dict[str, Any], dict[str, At]]] = []  # by numbers: plain values, and instants

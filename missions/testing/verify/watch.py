@@ -56,7 +56,8 @@ class Watch:
     ``rounds`` are the nodes under a ``repeat: forever``: when one succeeds, ``went_round`` says so. ``timed`` are the
     nodes that wait for a time, each with the status that shows that it is over; ``over`` those of which it ever was.
     ``reached`` are the nodes that some run comes to while all sensors report.
-    ``reads`` has the variables that nodes read when they start, and without which they fail.
+    ``reads`` has the variables that nodes read when they start, and without which they fail. ``stand_ins`` are the
+    classes of the leaves, by what these have in common.
     """
 
     oracle: Oracle = field(default_factory=Oracle)
@@ -71,19 +72,19 @@ class Watch:
     reads: Mapping[Node, frozenset[str]] = field(default_factory=dict)
     over: set[Node] = field(default_factory=set)
     went_round: bool = False
-    _rivals: "dict[StandIn, list[StandIn]]" = field(default_factory=dict)
+    stand_ins: "dict[object, type[StandIn]]" = field(default_factory=dict)
+    _acting: "dict[StandIn, None]" = field(default_factory=dict)
 
     def follow(self, leaves: "Sequence[StandIn]") -> None:
         """Take the leaves that are to be followed."""
         self.leaves = list(leaves)
-        self._rivals = {
-            leaf: [other for other in leaves if other is not leaf and leaf.drives & other.drives] for leaf in leaves
-        }
+        self._acting.clear()
 
     def begin(self, happened: Sequence[bool], moving: frozenset[str]) -> None:
         """Begin a step."""
         self.moving = moving
         self.breaches, self.changes, self.went_round = [], [], False
+        self._acting = dict.fromkeys(leaf for leaf in self.live if leaf.drives)
         for monitor, remembered in zip(self.monitors, happened, strict=True):
             monitor.happened = remembered
 
@@ -120,9 +121,14 @@ class Watch:
         if self.oracle.all_report:
             self.reached.add(leaf)
         self.moving -= leaf.drives
-        for other in self._rivals[leaf]:
-            for part in sorted(leaf.drives & other.drives) if other.acting else ():
+        for other in [other for other in self._acting if other is not leaf]:
+            if not other.acting:
+                del self._acting[other]
+                continue
+            for part in sorted(leaf.drives & other.drives):
                 self.breaches.append(Breach(ALONE, f"{other.place} and {leaf.place} both drive the {part}", leaf))
+        if leaf.drives:
+            self._acting[leaf] = None
         live = [other for other in self.live if other is not leaf] if self.monitors else []
         for monitor in self.monitors:
             self._note(monitor, monitor.started(leaf, live), leaf)
