@@ -40,6 +40,7 @@ from perception.api import Frame, Gaze, View, ignore
 
 if TYPE_CHECKING:
     from missions.assembly.twins import Twins
+    from missions.executive.pace import PausedPace
 
 CLOSE_TIME = 3.0
 """Seconds that devices have to close when a run is given up while its main thread hangs."""
@@ -87,6 +88,7 @@ class Runner:
         self.stream = Stream(listeners)
         self._give_up = give_up
         self.twins: Twins | None = None
+        self.paused_pace: PausedPace | None = None  # in simulated time
         self._context, self._robot = self._simulated(order) if order.simulation == "fast" else self._real(order)
         self._context.sensor_timeout = self.config.sensor_timeout
         self._context.safe_stop = self._robot.safe_stop
@@ -123,7 +125,7 @@ class Runner:
             lambda leaf: robot_for(leaf, robot, self._tell.commanded),
             substitute=substitute,
         )
-        return root, Executive(
+        executive = Executive(
             root,
             self._context,
             self.stream,
@@ -134,6 +136,9 @@ class Runner:
             on_moment=on_moment,
             after_tick=self._mind,
         )
+        if self.paused_pace is not None:
+            executive.idle = self.paused_pace
+        return root, executive
 
     def _real(self, order: RunRequest) -> tuple[Run, Assembled]:
         """Return the run and the robot in real time: on the metal, or on virtual devices."""
@@ -148,7 +153,7 @@ class Runner:
         """Return the run and the robot in simulated time."""
         from drivers.sim.timeline import Timeline  # noqa: PLC0415 - the metal imports no simulation
         from missions.assembly.twinning import twin_robot  # noqa: PLC0415
-        from missions.executive.pace import Pace  # noqa: PLC0415
+        from missions.executive.pace import Pace, PausedPace  # noqa: PLC0415
 
         timeline = Timeline()
         run = Run(timeline.clock, seed=order.seed, wall=SystemClock())
@@ -165,6 +170,7 @@ class Runner:
             truth=order.eyes == "truth",
             physics=order.physics,
         )
+        self.paused_pace = PausedPace(run, timeline, robot.robot, speed=order.speed)
         return run, robot
 
     def _guard(self, config: RobotConfig, robot: Robot) -> Guard | None:

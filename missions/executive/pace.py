@@ -1,15 +1,29 @@
-"""How simulated time passes while the executive waits: as fast as it can, or at a pace that people can watch."""
+"""How simulated time passes while the executive waits: as fast as it can, or at a pace that people can watch.
+
+While the mission is paused it passes only as long as the robot has not come to rest, or somebody drives it.
+"""
 
 from collections.abc import Callable
 from math import inf
 from threading import Event
 from typing import TYPE_CHECKING
 
+from behaviours.robot import Robot
 from behaviours.run import Run
 from drivers.clock import Clock
 
 if TYPE_CHECKING:
     from drivers.sim.timeline import Timeline
+
+
+MAX_DEBT = 0.5
+"""Seconds of real time that simulated time may be late and makes up for; after a pause it does not race."""
+
+STILL_SPEED = 0.005
+"""m/s and rad/s below which a base is at rest."""
+
+STILL_STEP = 1e-4
+"""Radians that a head at rest turns at most from one look to the next."""
 
 
 class Pace:
@@ -40,4 +54,56 @@ class Pace:
             ahead = (clock.now() - simulated) / self._speed - (self._wall.now() - wall)
             if ahead > 0:
                 self._wait(ahead)
+            elif ahead < -MAX_DEBT:
+                self._begun = self._wall.now(), clock.now()
         return self._woken.is_set()
+
+
+class PausedPace:
+    """Stands in for ``Executive.idle`` in simulated time: the world stands still once the robot is at rest.
+
+    Until then, and while somebody drives by hand, time passes in the same thread: at ``speed``, and no faster than real
+    time.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        timeline: "Timeline",
+        robot: Robot,
+        *,
+        speed: float = inf,
+        wait: Callable[[float], object] | None = None,
+    ) -> None:
+        self._pace = Pace(run, timeline, speed=min(speed, 1.0), wait=wait)
+        self._woken, self._robot = run.woken, robot
+        self.driven: Callable[[], bool] = lambda: False
+        """Whether somebody drives by hand."""
+        self.waited: Callable[[], None] = lambda: None
+        """Called after each wait, in the same thread: the robot may stand otherwise than at the last tick."""
+        self._pan_tilt: tuple[float, float] | None = None
+
+    def __call__(self, seconds: float) -> None:
+        """Let so much time pass, simulated or real."""
+        if self._moves() or self.driven():
+            self._pace(seconds)
+        else:
+            self._woken.wait(seconds)
+        self.waited()
+
+    def _moves(self) -> bool:
+        """Say whether base, head or an arm still moves."""
+        robot = self._robot
+        turned, self._pan_tilt = self._pan_tilt, None
+        head = None if robot.head_part is None else robot.head_part.pose().value
+        if head is not None:
+            self._pan_tilt = head.pan, head.tilt
+            turned = turned or (inf, inf)  # at the first look it may turn
+            if max(abs(head.pan - turned[0]), abs(head.tilt - turned[1])) > STILL_STEP:
+                return True
+        base = None if robot.base_part is None else robot.base_part.state().value
+        if base is not None and max(abs(base.velocity.linear), abs(base.velocity.angular)) > STILL_SPEED:
+            return True
+        arms = [robot.arm_part, *(other.part for other in robot.others.values() if other.kind == "arm")]
+        states = [state.value for arm in arms if arm is not None for state in arm.states().values()]
+        return any(state is not None and state.moving for state in states)

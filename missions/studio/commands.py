@@ -130,7 +130,10 @@ class Fault(OfRun):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Faulty(OfRun):
-    """Answer with `examples` of what can go wrong, in the words that `fault` takes; none but in simulated time."""
+    """Answer with `examples` of what can go wrong, in the words that `fault` takes; none but in simulated time.
+
+    `command` is then what to type for the same run in simulated time.
+    """
 
     word: ClassVar[str] = "faults"
     role: ClassVar[Role] = "viewer"

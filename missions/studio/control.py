@@ -56,6 +56,9 @@ class ControlSocket:
         robot = runner.assembled.robot
         self._wheels = Wheels(robot.base_part, robot.head_part, self._clock)
         self._doing = Doing(runner, self._wheels, self._clock)
+        if runner.paused_pace is not None:
+            runner.paused_pace.driven = lambda: bool(self._wheels.driver) and not runner.latch.reason
+            runner.paused_pace.waited = self.outlet.look
         simulated: Literal["", "wire", "fast"] = runner.order.simulation or ""
         of = {"simulated": simulated, "world": runner.order.world_name}
         began = time_of_day().timestamp()

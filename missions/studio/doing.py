@@ -1,6 +1,7 @@
 """What clients of a run may have done: stop and release, pause and step, end, drive, tune, and let things go wrong."""
 
 import os
+import shlex
 import signal
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -20,6 +21,7 @@ from drivers.errors import DriverError
 from drivers.pantilt import Trimmable
 from missions.executive.events import Logged
 from missions.library.tuning import LIMITS, filed
+from missions.order import RunRequest
 from missions.runner import Runner
 from missions.studio.commands import (
     Command,
@@ -39,7 +41,7 @@ from missions.studio.commands import (
     Tuned,
 )  # fmt: skip
 from missions.studio.form import BadMessage
-from missions.studio.wheels import Wheels
+from missions.studio.wheels import RELEASE, Wheels
 
 if TYPE_CHECKING:
     from missions.testing.mishaps import Mishap
@@ -47,6 +49,13 @@ if TYPE_CHECKING:
 
 GLANCE = 0.02
 """Seconds of simulated time within which what was asked for happens."""
+
+
+def simulated_command(order: RunRequest) -> str:
+    """Return the command that runs the same mission on the same robot in simulated time, for faults to happen in."""
+    robot = [] if order.robot is None else ["--robot", order.robot]
+    params = (word for name, value in order.params.items() for word in ("--param", f"{name}={value}"))
+    return shlex.join(["mission", "run", order.mission, *robot, *params, "--simulate", "fast", "--speed", "1"])
 
 
 class Faults:
@@ -66,7 +75,8 @@ class Faults:
         """Return what `faults` is answered."""
         from missions.testing.live import examples  # noqa: PLC0415 - as in ``strike``
 
-        return {"examples": list(examples(self._runner))}
+        found = {"examples": list(examples(self._runner))}
+        return found if self._runner.twins else {**found, "command": simulated_command(self._runner.order)}
 
     def strike(self, words: str) -> None:
         """Let it happen. Raises BadMessage for words that mean nothing, and for what this run cannot have."""
@@ -75,7 +85,7 @@ class Faults:
         twins, mission = self._runner.twins, self._runner.plan.mission
         if twins is None:
             what = f"'{words}' is unsupported: '{mission}' does not run in simulated time"
-            raise BadMessage("unsupported", what, f"mission run {mission} --simulate fast --speed 1")
+            raise BadMessage("unsupported", what, simulated_command(self._runner.order))
         try:
             mishap = read_live(words, self._runner)
         except ValueError as error:
@@ -246,8 +256,7 @@ class Doing:
         match command:
             case Release():
                 if not self._latch.release(command.stop):
-                    which = f"the last one is {self._latch.number}" if self._latch.reason else "none is"
-                    raise BadMessage("not_stopped", f"stop {command.stop} is not latched: {which}")
+                    raise self._not_released()
             case Pause():
                 executive.pause()
             case Resume():
@@ -262,6 +271,13 @@ class Doing:
                 self.kill_at = self._clock.now() + HALT_TIME
             case _:
                 raise BadMessage("unknown_command", f"a run does not know '{command.word}'")
+
+    def _not_released(self) -> BadMessage:
+        """Return why a release does nothing: another stop came since, or nothing is stopped."""
+        if self._latch.reason:
+            return BadMessage("not_stopped", f"not released: it was {self._latch.reason} once more", "release it again")
+        hint = "mission stop --resume  (it is paused)" if self._executive.paused else ""
+        return BadMessage("not_stopped", "it is not stopped, so there is nothing to release", hint)
 
     def _steer(self, key: object, command: Drive | Look) -> None:
         self._check_released()
@@ -297,4 +313,4 @@ class Doing:
 
     def _check_released(self) -> None:
         if self._latch.reason:
-            raise BadMessage("stopped", self._latch.reason, "release it first")
+            raise BadMessage("stopped", self._latch.reason, RELEASE)

@@ -137,11 +137,19 @@ class Outlet:
                 self._events.append(event)
                 self._told += 1
         if isinstance(event, Ticked | Ended):
-            if self._in_tick and self.watched and self._wall.now() - self._looked >= LOOK_EVERY:
-                self._looked = self._wall.now()
-                self._place = self._where()
-            if self.watched:
-                self.wake()
+            self._look()
+
+    def look(self) -> None:
+        """Look how the robot is: time has passed without a tick. For the thread of the ticks, in simulated time."""
+        self._feed.look()
+        self._look()
+
+    def _look(self) -> None:
+        if self._in_tick and self.watched and self._wall.now() - self._looked >= LOOK_EVERY:
+            self._looked = self._wall.now()
+            self._place = self._where()
+        if self.watched:
+            self.wake()
 
     def news(self, more: Mapping[str, object]) -> Json:
         """Return what is new since it was asked last, with ``more``: what a `state` has beside ``say`` and ``run``."""

@@ -182,7 +182,8 @@ class Asking:
         for _ in range(STOP_TRIES):
             answer = link.ask({**command, "by": self.by})
             if not answer["ok"]:
-                return False, str(answer["message"])
+                hint = answer.get("hint")
+                return False, str(answer["message"]) + (f"\n  try: {hint}" if hint else "")
             result: Mapping[str, Any] = answer.get("result") or {}
             if not result.get("missing"):
                 break

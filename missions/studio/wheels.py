@@ -13,6 +13,9 @@ from missions.studio.state_stamps import KEPT_TIME, StateStamps
 HEAD_SPEED = radians(60)
 """How fast the head turns with the stick pushed all the way, in rad/s."""
 
+RELEASE = "mission stop --release, or “Hold to release” on the page"
+"""What to do where a stop is latched."""
+
 LONGEST_TURN = 0.1
 """Seconds that a command turns the head for at most."""
 
@@ -91,7 +94,7 @@ class Wheels:
             pilot.steer(None)
             raise _not_let_go()
         if base.latched:
-            raise BadMessage("stopped", base.latched, "release it first")
+            raise BadMessage("stopped", base.latched, RELEASE)
         pilot.ahead = pilot.turn = command.pace
         pilot.steer(None if still else Push(float(command.ahead), float(command.left)))
         if pilot.trouble:

@@ -18,9 +18,11 @@ from config.world import load_world
 from drivers.clock import ManualClock
 from drivers.sim.timeline import Timeline
 from missions.executive.events import Event, Logged, NodeChanged, PerceptSeen
-from missions.executive.pace import Pace
+from missions.executive.pace import STILL_SPEED, Pace, PausedPace
 from missions.order import RunRequest
 from missions.runner import Runner
+from missions.testing.stage import IN_PROCESS
+from tests.cases import each
 from tests.missions.command import command
 
 
@@ -99,6 +101,17 @@ def test_a_speed_is_kept_by_waiting() -> None:
     assert wall.clock.now() == pytest.approx(1.0)
 
 
+def test_time_does_not_race_after_a_pause() -> None:
+    wall, timeline = Wall(), Timeline()
+    pace = Pace(Run(timeline.clock, wall=wall.clock), timeline, speed=1.0, wait=wall.wait)
+    pace(0.05)
+    wall.clock.advance(60.0)  # in which nobody let time pass
+    began = wall.clock.now()
+    for _ in range(100):
+        pace(0.05)
+    assert wall.clock.now() - began == pytest.approx(5.0, abs=0.06)
+
+
 def test_without_a_speed_nothing_waits() -> None:
     wall, timeline = Wall(), Timeline()
     pace = Pace(Run(timeline.clock, wall=wall.clock), timeline, wait=wall.wait)
@@ -113,6 +126,47 @@ def test_what_wakes_the_executive_ends_the_wait() -> None:
     timeline.at(0.3, run.wake)
     assert Pace(run, timeline)(1.0)
     assert timeline.clock.now() == 0.3
+
+
+MOVES = {
+    "the base": "mission: m\ntree:\n  drive: {distance: 50 m, speed: 0.5 m/s}\n",
+    "the base, which turns": "mission: m\ntree:\n  turn: 3000 deg\n",
+    "the head": "mission: m\ntree:\n  sequence:\n    - look: {pan: -80 deg}\n    - look: {pan: 80 deg}\n",
+    "the arm": "mission: m\ntree:\n  gesture: hello\n  repeat: forever\n",
+}
+
+
+@each("what", list(MOVES))
+@each("how", ["pause", "stop"])
+def test_the_robot_comes_to_rest_before_a_pause_holds_the_world(what: str, how: str, tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text(MOVES[what], encoding="utf-8")
+    runner = Runner(RunRequest(str(path), robot="turtlebot2_arm", simulate="fast"), limits=IN_PROCESS)
+    twins, robot, idle = runner.twins, runner.assembled.robot, runner.executive.idle
+    assert twins is not None
+    assert isinstance(idle, PausedPace)
+    idle._pace._wait = lambda _: None
+    stood: list[bool] = []
+
+    def pause() -> None:
+        runner.executive.pause() if how == "pause" else runner.latch.stop("somebody")
+
+    def look(seconds: float) -> None:
+        before = twins.timeline.clock.now()
+        idle(seconds)
+        stood.append(twins.timeline.clock.now() == before)
+        if stood[-3:] == [True] * 3:
+            runner.executive.stop("seen")
+
+    twins.timeline.at(2.03, pause)
+    runner.executive.idle = look
+    runner.run()
+    assert not stood[0]  # it moved when it was told to pause, and had the time to come to rest
+    state = None if robot.base_part is None else robot.base_part.state().value
+    if state is not None:
+        assert max(abs(state.velocity.linear), abs(state.velocity.angular)) < STILL_SPEED
+    joints = {} if robot.arm_part is None else robot.arm_part.states()
+    assert not any(joint.value is not None and joint.value.moving for joint in joints.values())
 
 
 # --- the command ------------------------------------------------------------------------------------------------------

@@ -158,14 +158,16 @@ export function twice(text, again, work, more) {
 
 const notes = document.getElementById("notes");
 
-/** Say something at the top of the page: an error of the protocol with its hint, or a text. */
-export function tell(what, kind = "bad") {
+/** Say something: an error of the protocol with its hint, or a text; `action` is a button for what to do then. */
+export function tell(what, kind = "bad", action = null) {
   const text = typeof what === "string" ? what : what.message;
   const hint = typeof what === "string" ? "" : what.hint;
   const node = el("div", { class: `note ${kind}` }, el("span", null, text, hint && el("em", null, ` Try: ${hint}`)));
+  if (action) node.append(action);
+  action?.addEventListener("click", () => node.remove());
   node.append(button("×", () => node.remove(), { "aria-label": "Dismiss" }));
   for (const old of notes.children) if (old.textContent === node.textContent) return;
   while (notes.children.length > 2) notes.firstChild.remove();
   notes.append(node);
-  setTimeout(() => node.remove(), kind === "bad" ? 15000 : 6000);
+  setTimeout(() => node.remove(), kind === "bad" || action ? 15000 + 60 * text.length : 6000); // a long one takes longer to read
 }

@@ -37,6 +37,7 @@ export class Drive {
   #base = el("studio-stick", { role: "group", "aria-label": "Stick of the base: drag it, or hold W A S D or the arrow keys" });
   #head = el("studio-stick", { role: "group", "aria-label": "Stick of the head: drag it, or hold I J K L" });
   #take = button("Take the wheels", () => this.#wheels(), { class: "main" });
+  #resume = button("Go on", () => this.#watcher.ask("resume").catch(tell), { hidden: true });
   #said = el("p", { class: "wheels", role: "status" });
   #asked = el("div", { class: "warning", role: "alert", hidden: true });
   #delay = el("p", { class: "facts delay" });
@@ -59,7 +60,7 @@ export class Drive {
     this.node = el("div", { class: "view drive" },
       el("div", { class: "scene" }, panel("Camera", "camera", this.#camera), panel("Plan", "plan", this.#plan)),
       el("div", { class: "cockpit" },
-        this.#alone, el("div", { class: "row" }, this.#take, this.#said), this.#delay, this.#slow, this.#asked, limit,
+        this.#alone, el("div", { class: "row" }, this.#take, this.#said, this.#resume), this.#delay, this.#slow, this.#asked, limit,
         el("div", { class: "sticks" }, el("div", null, this.#base, el("span", null, "drive")), el("div", null, this.#head, el("span", null, "head"))),
         keys, this.#pad));
     this.#camera.begin(watcher);
@@ -107,6 +108,7 @@ export class Drive {
           const { run } = await this.#link.ask({ do: "start", mission, ...target.members() }, 60000);
           target.unsure();
           this.#watcher.follow(run);
+          await this.#watcher.ask("take");
         } catch (error) {
           tell(error);
         } finally {
@@ -288,10 +290,13 @@ export class Drive {
     if (!lives) words = "Nothing runs that could be driven.";
     else if (!base) words = "This run has no base to drive.";
     else if (!operator) words = "You may look, and stop.";
-    else if (mine) words = state.stopped ? "A stop is latched: release it first." : this.#refusal ? "You have the wheels." : "You drive.";
+    else if (mine) words = state.stopped ? "A stop is latched: release it first." : this.#refusal ? "You have the wheels." : `You drive.${state.paused ? " The mission is paused." : ""}`;
     else if (asked) words = `You have asked ${state.driver} for the wheels.`;
     else if (state.driver) words = `${state.driver} drives.`;
+    else if (state.stopped) words = `The robot was ${state.stopped}.`;
+    else if (state.paused) words = "The mission is paused.";
     put(this.#said, words);
+    this.#resume.hidden = !operator || !lives || !state.paused || Boolean(state.stopped);
     for (const stick of [this.#base, this.#head]) stick.toggleAttribute("disabled", !mine);
     this.#head.parentElement.hidden = Boolean(scene) && !scene.parts.includes("head");
     this.#asked.hidden = !mine || !asking.length;

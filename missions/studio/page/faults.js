@@ -1,7 +1,6 @@
 // What goes wrong on request with a run in simulated time, in the words of test files: `camera frozen 2 s`.
 
 import { button, choice, el, field, offer, panel, put, tell } from "./dom.js";
-import { plain } from "./words.js";
 
 export class Faults {
   #link;
@@ -27,10 +26,9 @@ export class Faults {
   }
 
   async show() {
-    const { examples } = await this.#watcher.ask("faults");
+    const { examples, command } = await this.#watcher.ask("faults");
     this.#draw(examples);
-    const mission = this.#watcher.scene?.mission;
-    put(this.#about, examples.length ? "" : `Only in simulated time: mission run ${plain(mission ?? "NAME")} --simulate fast --speed 1`);
+    put(this.#about, examples.length ? "" : `Only in simulated time: ${command}`);
   }
 
   #draw(examples) {

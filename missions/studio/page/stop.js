@@ -205,7 +205,8 @@ export class Stop extends HTMLElement {
       try {
         await this.#main.ask({ do: "release", run, stop: number });
         this.#latched.delete(run);
-        tell(run === this.#watcher.run ? "Released. The mission is paused: “Go on” lets it go on." : `Run ${run} is released, and paused.`, "good");
+        const go = button("Go on", () => this.#main.ask({ do: "resume", run }).catch(tell));
+        tell(run === this.#watcher.run ? "Released. The mission is paused." : `Run ${run} is released, and paused.`, "good", go);
       } catch (error) {
         if (error.error === "no_such_run" || error.error === "not_stopped") this.#latched.delete(run);
         tell(error);

@@ -101,9 +101,9 @@ class Feed:
         self._lates += event.late is not None
         self._over = event.status in ("success", "failure")  # what is being closed then is no news
         if self._in_tick:
-            self._look_on()
+            self.look()
 
-    def _look_on(self) -> None:
+    def look(self) -> None:
         """Look at the parts of the robot, if that is due."""
         now = self._wall.now()
         if self._over or self._executive.stopping or now - self._looked < LOOK_EVERY:
@@ -119,7 +119,7 @@ class Feed:
     def news(self) -> Json:
         """Return all that is new since it was asked last."""
         if not self._in_tick:
-            self._look_on()
+            self.look()
         executive = self._executive
         with self._lock:
             changed, self._changed = self._changed, {}

@@ -160,7 +160,7 @@ def test_mission_stop_stops_a_run_of_another_terminal(tmp_path: Path, capsys: py
         assert (released.code, released.out) == (0, f"{name}: released, and paused: goes on\n")
         wait_until(lambda: base.seen().moving)
         again = command(capsys, "stop", "--release")
-        assert (again.code, again.out) == (1, f"{name}: stop 1 is not latched: none is\n")
+        assert (again.code, again.out) == (1, f"{name}: it is not stopped, so there is nothing to release\n")
         ended = command(capsys, "stop", "--end", str(process.process.pid))
         assert (ended.code, ended.out) == (0, f"{name}: stopped (base): is being ended\n")
         wait_until(lambda: process.process.poll() is not None)

@@ -1,5 +1,6 @@
 """What somebody lets go wrong with a run while it goes on, by name."""
 
+import shlex
 import signal
 from pathlib import Path
 
@@ -66,8 +67,26 @@ def test_whatever_is_offered_can_be_had(robot: str) -> None:
         faults.strike(words)
 
 
-def test_nothing_is_offered_on_virtual_devices(tmp_path: Path) -> None:
-    assert Faults(runner_of(tmp_path, [], "wire")).told() == {"examples": []}
+def test_virtual_devices_offer_nothing_but_the_command_for_the_same_run_in_simulated_time(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "my own"
+    folder.mkdir()
+    path = folder / "says it.yaml"
+    path.write_text("mission: other_name\nparams: {text: {type: text}}\ntree:\n  say: ${text}\n", encoding="utf-8")
+    runner = Runner(
+        RunRequest(str(path), params={"text": "Good day"}, robot="turtlebot2", simulate="wire"), limits=IN_PROCESS
+    )
+    faults = Faults(runner)
+    told = faults.told()
+    assert told["examples"] == []
+    with pytest.raises(BadMessage, match="unsupported: 'other_name' does not run in simulated time") as caught:
+        faults.strike("voice hanging")
+    assert caught.value.hint == told["command"]
+    words = shlex.split(str(told["command"]))
+    assert words[0] == "mission"
+    done = command(capsys, *words[1:], "--speed", "1000")  # the command works as it is printed
+    assert (done.code, "other_name" in done.out + done.err) == (0, True)
 
 
 def test_a_fault_is_chosen_on_the_page_and_happens(browser: Browser, served: Served, tmp_path: Path) -> None:
@@ -88,12 +107,6 @@ def test_a_fault_is_chosen_on_the_page_and_happens(browser: Browser, served: Ser
         assert not viewer.enabled("Let it happen")
     finally:
         process.end(signal.SIGTERM)
-
-
-def test_a_run_on_virtual_devices_says_that_it_is_unsupported(tmp_path: Path) -> None:
-    with pytest.raises(BadMessage, match="unsupported: 'says' does not run in simulated time") as caught:
-        Faults(runner_of(tmp_path, [], "wire")).strike("voice unplugged 1 s")
-    assert caught.value.hint == "mission run says --simulate fast --speed 1"
 
 
 def test_the_command_reaches_a_run_of_another_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -188,7 +188,6 @@ def test_a_robot_is_driven_without_a_mission(browser: Browser, served: Served) -
     page.wait_for("Nothing runs that could be driven.")
     wait_until(lambda: page.enabled("Drive without a mission"))
     page.tab.evaluate("document.querySelector('.actions .main').click()")
-    page.press("Take the wheels")
     page.wait_for("You drive.")
     with page.held(STICK, up=60):
         wait_until(lambda: re.search(r"is at (0\.[1-9]|[1-9])", page.tab.find("image", "Plan").name))
@@ -196,6 +195,40 @@ def test_a_robot_is_driven_without_a_mission(browser: Browser, served: Served) -
     page.press("End the mission")
     page.press("Press again to end it")
     page.wait_for("halted by operator")
+
+
+@pytest.mark.real_time
+def test_who_drives_moves_the_robot_also_while_simulated_time_is_paused(
+    browser: Browser, served: Served, tmp_path: Path
+) -> None:
+    with simulated_run(tmp_path):
+        page = Page(browser, served, view="#live")
+        page.press("Pause")
+        page.wait_for("paused")
+        page.go("Drive")
+        page.wait_for("The mission is paused.")
+        page.press("Take the wheels")
+        page.wait_for("You drive. The mission is paused.")
+        with page.held(STICK, up=60):
+            wait_until(lambda: re.search(r"is at (0\.[1-9]|[1-9])", page.tab.find("image", "Plan").name))
+        page.press("Go on")
+        wait_until(lambda: not page.says("The mission is paused."))
+
+
+@pytest.mark.real_time
+def test_a_stop_in_simulated_time_lets_the_base_brake_and_is_gone_on_from_where_it_is_released(
+    browser: Browser, served: Served, tmp_path: Path
+) -> None:
+    with simulated_run(tmp_path, DRIVING):
+        page = Page(browser, served, view="#robot")
+        wait_until(lambda: re.search(r"speed 0\.[1-9]", page.tab.text()))
+        page.stop.click()
+        page.wait_for("speed 0 m/s", "Stopped from this page")
+        page.go("Drive")
+        page.release()
+        page.press("Go on")  # beside what says that it is released
+        page.go("Robot")
+        wait_until(lambda: re.search(r"speed 0\.[1-9]", page.tab.text()))
 
 
 @pytest.mark.real_time
