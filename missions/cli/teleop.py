@@ -13,7 +13,7 @@ from config.library import DEFAULT_WORLD, find
 from config.units import in_dimension
 from config.world import load_world
 from drivers.api import Base, Head, ignore
-from drivers.clock import Clock
+from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
 from missions.assembly.assemble import assemble
 from missions.assembly.assembled import CONNECT_TIME
@@ -28,6 +28,8 @@ from missions.cli.status_line import show_over
 from missions.cli.terminal_line import line_to
 from missions.hands.teleop import FIRST_PAD, keymap, pad
 from missions.hands.teleop.pilot import MAX_SHARE, MIN_SHARE, Pilot
+from missions.hands.teleop.taught import keep_taught
+from missions.hands.teleop.teaching import Teacher
 from missions.hands.teleop.turns import drive_by_hand
 from missions.library.drivers import load_robot
 from missions.studio.holders import holding
@@ -71,6 +73,14 @@ def _share(ctx: click.Context, option: click.Parameter, value: str) -> float:
     help="Drive with a game pad: the first that is there, or the one at /dev/input/event...",
 )
 @click.option(
+    "--teach-pad",
+    "taught",
+    is_flag=False,
+    flag_value=FIRST_PAD,
+    metavar="[DEVICE]",
+    help="Show which buttons of a game pad stop and drive, once for its model; no robot is opened.",
+)
+@click.option(
     "--unknown-delay",
     is_flag=True,
     help="Drive also where the delay of the line cannot be measured, as in tmux over SSH.",
@@ -83,6 +93,7 @@ def command(
     head: str,
     pace: float,
     node: str | None,
+    taught: str | None,
     unknown_delay: bool,
 ) -> int:
     """Drive a robot by hand: hold a key to drive, let go to stop. Works over SSH.
@@ -91,6 +102,8 @@ def command(
     Simulated unless a robot is named, as with `mission run`. The limits and the reflexes of the robot file hold.
     Whatever ends it, a line that breaks too, the robot is left at rest.
     """
+    if taught is not None:
+        return _teach(taught, SystemClock())
     virtual = simulate or robot is None
     if virtual and port is not None:
         raise click.UsageError("--port names a real port, which is used only with --robot NAME and without --simulate")
@@ -122,6 +135,28 @@ def command(
             typed = open_things.enter_context(Keys(terminal, line.answer)).read
             open_things.callback(settle, typed)
         drive_by_hand(Pilot(base, turned, pace=pace), typed, held, clock, _shower(clock), line)
+    return SUCCESS
+
+
+def _teach(node: str, clock: Clock) -> int:
+    """Have a person teach the pad at a node, and keep that. Raises NotConnected and TeachingError."""
+    if node == FIRST_PAD:
+        found = pad.find_pads()
+        if len(found) > 1:
+            cure = f"mission teleop --teach-pad {found[0]}  (or {', '.join(found[1:])})"
+            raise click.UsageError(f"--teach-pad: several game pads are plugged in\n  try: {cure}")
+        node = pad.find_pad()
+    with ExitStack() as open_things:
+        open_things.enter_context(interruptible())
+        raw = open_things.enter_context(closing(pad.Pad(node, clock)))
+        model = raw.identify()
+        if model is None:
+            raise NotConnected(f"pad: {node}: the kernel does not tell which pad it is", hint="ls -l /dev/input/by-id")
+        click.echo(f"{model.key}; nothing moves. Let go of all, then do what is asked. Ctrl-C ends, and keeps nothing.")
+        spans, values = raw.axes(model)
+        layout = Teacher(raw, spans, values, clock, click.echo, _pause).teach()
+        path = keep_taught(model.key, layout)
+        click.echo(f"kept in {path}: all pads of this model and name drive so: mission teleop --pad {node}")
     return SUCCESS
 
 

@@ -14,6 +14,8 @@ from drivers.ports import explain
 from missions.hands.teleop import FIRST_PAD, events
 from missions.hands.teleop.events import Event, Span
 from missions.hands.teleop.keymap import ENABLE, LATCH, Push
+from missions.hands.teleop.layout import UNIDENTIFIED, PadLayout, PadModel, PadState, layout_for
+from missions.hands.teleop.taught import load_taught
 
 DEAD = 0.1
 """The share of a stick's way around its middle that counts as its middle: none springs back exactly."""
@@ -21,9 +23,6 @@ DEAD = 0.1
 SILENCE = 3.0
 """Seconds without a word of the pad after which its hold no longer counts: many receivers do not tell that they have
 lost the pad. A hand that drives moves a stick more often than that."""
-
-KEYS: Mapping[int, str] = MappingProxyType({events.EAST: LATCH, events.START: ENABLE})
-"""The buttons that do what a key does."""
 
 HATS: Mapping[tuple[int, int], str] = MappingProxyType(
     {
@@ -37,85 +36,77 @@ HATS: Mapping[tuple[int, int], str] = MappingProxyType(
 
 HELP = """\
 hold the left shoulder button and push the left stick; let go of the button to stop
-the cross turns the head; east (B, circle) stops until Start enables again
+the cross turns the head; east (B, circle) stops until Start enables again; in mode D, A stops, too
 the keys of the terminal do the same: space, Enter, and Esc or Ctrl-C to end"""
 
 
 class Pad:
     """The game pad at ``path``, a node /dev/input/event*, between ``open`` and ``close``. For one thread.
 
-    ``span`` tells what an axis measures, None for one that the pad lacks.
+    ``span`` tells what an axis measures, None for one that the pad lacks; ``model`` which pad it is, None where the
+    kernel does not tell; ``taught`` returns the layouts that were taught.
     """
 
-    def __init__(self, path: str, clock: Clock, *, span: Callable[[int, int], Span | None] | None = None) -> None:
+    def __init__(
+        self,
+        path: str,
+        clock: Clock,
+        *,
+        span: Callable[[int, int], Span | None] | None = None,
+        model: Callable[[int], PadModel | None] | None = None,
+        taught: Callable[[], Mapping[str, PadLayout]] = load_taught,
+    ) -> None:
         self.path = path
         self._clock = clock
-        self._span = span or ask_span
-        self._spans: dict[int, Span] = {}
+        self._span, self._ask, self._taught = span or ask_span, model or ask_model, taught
         self._descriptor = -1
-        self._values: dict[int, int] = {}  # of the axes that have moved
-        self._held = False  # since it was pressed, without a gap in what we know
+        self._state = PadState(UNIDENTIFIED, {}, DEAD)
         self._heard_at = -inf
 
     def open(self) -> None:
-        """Open the node. Raises NotConnected with what to try."""
+        """Open the node. Raises NotConnected with what to try, also for a pad whose buttons are not known."""
+        model = self.identify()
+        try:
+            layout = layout_for(self.path, model, self._taught())
+        except NotConnected:
+            self.close()
+            raise
+        spans = {axis.code: self._span(self._descriptor, axis.code) for axis in (layout.ahead, layout.left)}
+        self._state = PadState(layout, {code: span for code, span in spans.items() if span is not None}, DEAD)
+
+    def identify(self) -> PadModel | None:
+        """Open the node alone, and return which pad it is. Raises NotConnected with what to try."""
         try:
             self._descriptor = os.open(self.path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         except OSError as error:
             raise explain("pad", self.path, error) from error
-        spans = {axis: self._span(self._descriptor, axis) for axis in (events.STICK_X, events.STICK_Y)}
-        self._spans = {axis: span for axis, span in spans.items() if span is not None}
+        return self._ask(self._descriptor)
+
+    def axes(self, model: PadModel) -> tuple[dict[int, Span], dict[int, int]]:
+        """Return what the axes of an identified pad measure, and where they are now."""
+        told = {code: absinfo for code in model.axes if (absinfo := ask_axis(self._descriptor, code))}
+        return (
+            {code: events.span_of(absinfo) for code, absinfo in told.items()},
+            {code: events.value_of(absinfo) for code, absinfo in told.items()},
+        )
 
     def close(self) -> None:
         """Close the node. Safe more than once."""
         descriptor, self._descriptor = self._descriptor, -1
-        self._held = False
+        self._state.held = False
         if descriptor >= 0:
             os.close(descriptor)
 
     def keys(self) -> list[str]:
         """Take what has come, without waiting; return the keys that it stands for. Raises NotConnected: it has gone."""
         found: list[str] = []
-        while news := self._read():
+        while news := self.events():
             self._heard_at = self._clock.now()
             found += [key for event in news if (key := self._take(event))]
         return found
 
-    def press(self, key: str, now: float) -> None:
-        """Whoever stops or enables the base has to press the shoulder button anew before it drives."""
-        del now
-        if key in (LATCH, ENABLE):
-            self._held = False
-
-    def push(self, now: float) -> Push | None:
-        """Return which way the stick is pushed at ``now`` seconds; None unless the shoulder button is held."""
-        if now - self._heard_at > SILENCE:
-            self._held = False
-        if not self._held:
-            return None
-        return Push(ahead=self._share(events.STICK_Y), left=self._share(events.STICK_X))
-
-    def _share(self, axis: int) -> float:
-        """Return how far an axis of the stick is pushed; Linux counts to the back and to the right."""
-        span, value = self._spans.get(axis), self._values.get(axis)
-        return 0.0 if span is None or value is None else -span.share(value, DEAD)
-
-    def _take(self, event: Event) -> str:
-        """Note an event; return the key that it stands for, empty for none."""
-        match event.kind, event.code, event.value:
-            case events.SYN, events.SYN_DROPPED, _:
-                self._held = False  # nobody knows whether it is held, nor where the stick is
-                self._values.clear()
-            case events.KEY, events.SHOULDER_LEFT, value:
-                self._held = value > 0
-            case events.KEY, code, 1:
-                return KEYS.get(code, "")
-            case events.ABS, code, value:
-                self._values[code] = value
-                return HATS.get((code, value), "")
-        return ""
-
-    def _read(self) -> list[Event]:
+    def events(self) -> list[Event]:
+        """Return the events that have come, without waiting. Raises NotConnected: it has gone."""
         try:
             data = os.read(self._descriptor, 4096)
         except BlockingIOError:
@@ -126,16 +117,48 @@ class Pad:
             raise self._gone()
         return events.events_of(data)
 
+    def press(self, key: str, now: float) -> None:
+        """Whoever stops or enables the base has to press the shoulder button anew before it drives."""
+        del now
+        if key in (LATCH, ENABLE):
+            self._state.held = False
+
+    def push(self, now: float) -> Push | None:
+        """Return which way the stick is pushed at ``now`` seconds; None unless the shoulder button is held."""
+        if now - self._heard_at > SILENCE:
+            self._state.held = False
+        if not self._state.held:
+            return None
+        layout = self._state.layout
+        return Push(ahead=self._state.share(layout.ahead), left=self._state.share(layout.left))
+
+    def _take(self, event: Event) -> str:
+        """Note an event; return the key that it stands for, empty for none."""
+        if (event.kind, event.code) == (events.SYN, events.SYN_DROPPED):
+            self._state.forget()
+            return ""
+        key = self._state.take(event)
+        drives = event.code in (self._state.layout.ahead.code, self._state.layout.left.code)
+        if key or drives or event.kind != events.ABS:
+            return key
+        return HATS.get((event.code, event.value), "")
+
     def _gone(self) -> NotConnected:
-        self._held = False
+        self._state.held = False
         return NotConnected(f"pad: {self.path}: it has gone", hint="plug it in, or switch it on, and start again")
 
 
 def ask_span(descriptor: int, axis: int) -> Span | None:
     """Ask the kernel what an axis measures at its ends; None for one that is not there."""
+    absinfo = ask_axis(descriptor, axis)
+    return events.span_of(absinfo) if absinfo else None
+
+
+def ask_axis(descriptor: int, axis: int) -> bytes:
+    """Ask the kernel for the ``struct input_absinfo`` of an axis; nothing for one that is not there."""
     with suppress(OSError):
-        return events.span_of(fcntl.ioctl(descriptor, events.span_request(axis), bytes(events.ABSINFO_SIZE)))
-    return None
+        return fcntl.ioctl(descriptor, events.span_request(axis), bytes(events.ABSINFO_SIZE))
+    return b""
 
 
 def pad_at(node: str, clock: Clock) -> Pad:
@@ -143,10 +166,35 @@ def pad_at(node: str, clock: Clock) -> Pad:
     return Pad(find_pad() if node == FIRST_PAD else node, clock)
 
 
-def find_pad(nodes: Path = Path("/sys/class/input")) -> str:
-    """Return the first game pad that is plugged in. Raises NotConnected when there is none."""
+def ask_model(descriptor: int) -> PadModel | None:
+    """Ask the kernel which pad it is; None for a node of which it tells nothing."""
+    try:
+        vendor, product = events.ids_of(fcntl.ioctl(descriptor, events.ID_REQUEST, bytes(8)))
+        name = fcntl.ioctl(descriptor, events.name_request(256), bytes(256)).split(b"\0")[0].decode(errors="replace")
+        buttons, axes = (
+            events.codes_of(fcntl.ioctl(descriptor, events.bits_request(kind, size), bytes(size)))
+            for kind, size in ((events.KEY, 96), (events.ABS, 8))
+        )
+    except OSError:
+        return None
+    return PadModel(vendor, product, name, buttons, axes)
+
+
+def find_pads(nodes: Path = Path("/sys/class/input")) -> list[str]:
+    """Return the game pads that are plugged in: first those whose buttons have names, then those with numbers."""
+    found: tuple[list[str], list[str]] = [], []
     for node in sorted(nodes.glob("event*"), key=lambda found: (len(found.name), found.name)):
         with suppress(OSError, ValueError):
-            if events.is_gamepad((node / "device" / "capabilities" / "key").read_text(encoding="ascii")):
-                return f"/dev/input/{node.name}"
+            capabilities = (node / "device" / "capabilities" / "key").read_text(encoding="ascii")
+            for place, button in enumerate((events.SOUTH, events.TRIGGER)):
+                if events.has_button(capabilities, button):
+                    found[place].append(f"/dev/input/{node.name}")
+                    break
+    return [*found[0], *found[1]]
+
+
+def find_pad(nodes: Path = Path("/sys/class/input")) -> str:
+    """Return the first game pad that is plugged in. Raises NotConnected when there is none."""
+    if found := find_pads(nodes):
+        return found[0]
     raise NotConnected("pad: no game pad is plugged in", hint="ls /dev/input  (and name it: --pad /dev/input/eventN)")

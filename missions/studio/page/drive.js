@@ -169,12 +169,18 @@ export class Drive {
   }
 
   #padded() {
-    const pads = [...(navigator.getGamepads?.() ?? [])].filter((each) => each?.connected && each.mapping === "standard");
-    const red = pads.filter((each) => each.buttons[RED]?.pressed).map((each) => each.index);
+    const all = [...(navigator.getGamepads?.() ?? [])].filter((each) => each?.connected);
+    const pads = all.filter((each) => each.mapping === "standard");
+    // Of another pad the browser does not know which button is red (one in mode D, say): each of them stops.
+    const stops = (each) => (each.mapping === "standard" ? each.buttons[RED]?.pressed : each.buttons.some((one) => one.pressed));
+    const red = all.filter(stops).map((each) => each.index);
     const pressed = red.some((index) => !this.#red.includes(index));
     this.#red = red;
     if (pressed) this.#stop.stop(); // whatever else is so: driving blocked, another view, a second pad
     const pad = pads[0];
+    if (!pad && all.length && this.#shown) {
+      put(this.#pad, "Game pad: this browser does not know its buttons. Each of them is STOP, and it does not drive; try its mode X.");
+    }
     if (!pad || !this.#shown) return [];
     const held = pad.buttons[SHOULDER]?.pressed;
     put(this.#pad, held ? "Game pad: drives." : "Game pad: hold its left shoulder button to drive; its right red button is STOP.");

@@ -183,6 +183,20 @@ def test_the_red_button_of_a_game_pad_stops_once_also_while_driving_is_blocked_a
 
 
 @pytest.mark.real_time
+def test_a_pad_whose_buttons_the_browser_does_not_know_stops_by_each_of_them_and_does_not_drive(
+    browser: Browser, served: Served, scene: tuple[Process, LoneBase]
+) -> None:
+    page, base = driver(browser, served), scene[1]
+    page.tab.evaluate(PADS)
+    page.tab.evaluate("window.pads = window.pads.slice(0, 1); window.pads[0].mapping = ''")
+    page.wait_for("this browser does not know its buttons")
+    page.tab.evaluate("window.pads[0].axes[1] = -1; window.pads[0].buttons[4].pressed = true")
+    page.wait_for("Stopped from this page")
+    assert page.tab.evaluate("window.stops.size") == 1
+    assert not moving(base)()
+
+
+@pytest.mark.real_time
 def test_a_robot_is_driven_without_a_mission(browser: Browser, served: Served) -> None:
     page = Page(browser, served, view="#drive")
     page.wait_for("Nothing runs that could be driven.")

@@ -1,0 +1,415 @@
+"""Game pads whose buttons are only numbered: known by their model, refused, or taught; no base moves on a wrong one."""
+
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.clock import ManualClock
+from drivers.errors import DriverError, NotConnected
+from missions.hands.teleop import events, pad, taught
+from missions.hands.teleop.events import Event, Span
+from missions.hands.teleop.keymap import ENABLE, LATCH, Push
+from missions.hands.teleop.layout import D_MODE, STANDARD, Control, PadLayout, PadModel, Stick, layout_for
+from missions.hands.teleop.pad import Pad, find_pad, find_pads
+from missions.hands.teleop.taught import keep_taught, load_taught
+from missions.hands.teleop.teaching import ANSWER_TIMEOUT, MAX_TRIES, Teacher, TeachingError
+from tests.missions.command import command
+
+NUMBERED = frozenset(range(0x120, 0x12C))
+NAMED = frozenset({0x130, 0x131, 0x133, 0x134, 0x136, 0x137, 0x13A, 0x13B})
+AXES = frozenset({0, 1, 2, 5, 0x10, 0x11})
+
+F310 = PadModel(0x046D, 0xC216, "Logitech Logitech Dual Action", NUMBERED, AXES)
+STRANGER = PadModel(0x0810, 0x0001, "Twin USB Joystick", NUMBERED, AXES)
+XBOX = PadModel(0x045E, 0x028E, "Microsoft X-Box 360 pad", NAMED, AXES)
+SPANS = {code: Span(0, 255) for code in (0, 1, 2, 5)} | {code: Span(-1, 1) for code in (0x10, 0x11)}
+
+
+class InHand:
+    """A pad of a model in a test's hands: a named pipe is its node."""
+
+    def __init__(self, folder: Path, model: PadModel | None, layouts: Mapping[str, PadLayout] | None = None) -> None:
+        self.path = folder / "event7"
+        os.mkfifo(self.path)
+        self._keep = os.open(self.path, os.O_RDWR | os.O_NONBLOCK)
+        self.clock = ManualClock(100.0)
+        self.pad = Pad(
+            str(self.path), self.clock, span=lambda _, axis: SPANS.get(axis), model=lambda _: model,
+            taught=lambda: layouts or {},
+        )  # fmt: skip
+
+    def do(self, *done: tuple[int, int, int]) -> list[str]:
+        os.write(self._keep, b"".join(Event(*each).pack() for each in done))
+        return self.pad.keys()
+
+    def push(self) -> Push | None:
+        return self.pad.push(self.clock.now())
+
+    def close(self) -> None:
+        self.pad.close()
+        os.close(self._keep)
+
+
+@pytest.fixture
+def hand(tmp_path: Path) -> Iterator[Callable[..., InHand]]:
+    made = list[InHand]()
+
+    def make(model: PadModel | None, layouts: Mapping[str, PadLayout] | None = None) -> InHand:
+        made.append(InHand(tmp_path, model, layouts))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
+def test_a_known_pad_in_d_mode_drives_by_its_left_shoulder_and_stops_by_either_of_two(
+    hand: Callable[..., InHand],
+) -> None:
+    d_mode = hand(F310)
+    d_mode.pad.open()
+    assert d_mode.do((events.KEY, 0x124, 1), (events.ABS, 1, 0)) == []
+    assert d_mode.push() == Push(1.0, 0.0)
+    d_mode.do((events.KEY, 0x124, 0))
+    assert d_mode.push() is None
+    for stop in (0x121, 0x122):
+        assert d_mode.do((events.KEY, stop, 1), (events.KEY, stop, 0)) == [LATCH]
+    assert d_mode.do((events.KEY, 0x129, 1), (events.ABS, 0x11, -1)) == [ENABLE, "up"]
+
+
+@pytest.mark.parametrize(
+    ("model", "why"),
+    [
+        (STRANGER, "its buttons are only numbered"),
+        (replace(F310, buttons=frozenset(range(0x120, 0x124))), "its buttons are only numbered"),
+        (replace(XBOX, buttons=NAMED | {0x132, 0x135}), "its buttons are only numbered"),
+        (replace(XBOX, buttons=NAMED - {0x136}), "it has no left shoulder, east or Start button"),
+        (replace(XBOX, buttons=NAMED - {0x131}), "it has no left shoulder, east or Start button"),
+        (replace(XBOX, axes=frozenset({0x10, 0x11})), "or no left stick"),
+        (replace(F310, axes=frozenset({0x10, 0x11})), "its buttons are only numbered"),
+    ],
+)
+def test_a_pad_that_nobody_knows_is_refused_with_the_reason_and_what_to_type(
+    hand: Callable[..., InHand], model: PadModel, why: str
+) -> None:
+    unknown = hand(model)
+    with pytest.raises(NotConnected, match=why) as told:
+        unknown.pad.open()
+    assert model.key in str(told.value)
+    assert told.value.hint.startswith(f"mission teleop --teach-pad {unknown.path}")
+    assert unknown.pad._descriptor == -1
+    assert unknown.push() is None
+
+
+def test_a_node_of_which_nothing_is_known_stops_by_both_and_drives_by_named_buttons_alone(
+    hand: Callable[..., InHand],
+) -> None:
+    node = hand(None)
+    node.pad.open()
+    assert node.do((events.KEY, 0x124, 1), (events.ABS, 1, 0)) == []
+    assert node.push() is None
+    assert node.do((events.KEY, 0x121, 1), (events.KEY, 0x131, 1)) == [LATCH, LATCH]
+
+
+def test_models_have_layouts_and_a_taught_one_goes_first() -> None:
+    mine = PadLayout(Control(0x126), (Control(0x120),), Control(0x127))
+    assert layout_for("/x", XBOX, {}) == STANDARD
+    assert layout_for("/x", F310, {}) == D_MODE
+    assert layout_for("/x", F310, {F310.key: mine}) == mine
+    wireless = replace(F310, product=0xC219, name="Logitech Cordless RumblePad 2")
+    assert layout_for("/x", wireless, {F310.key: mine}) == D_MODE
+    assert layout_for("/x", STRANGER, {STRANGER.key: mine}) == mine
+    with pytest.raises(NotConnected, match="only numbered"):
+        layout_for("/x", replace(STRANGER, name="Another"), {STRANGER.key: mine})
+    with pytest.raises(NotConnected, match="it lacks buttons or sticks that it was taught with"):
+        layout_for("/x", replace(XBOX, buttons=NAMED), {XBOX.key: mine})
+
+
+def test_pads_in_d_mode_are_found_after_those_with_names(tmp_path: Path) -> None:
+    for name, bits in {"event3": "fff00000000 0 0 0 0", "event5": "7cdb000000000000 0 0 0 0"}.items():
+        (tmp_path / name / "device" / "capabilities").mkdir(parents=True)
+        (tmp_path / name / "device" / "capabilities" / "key").write_text(bits)
+    assert find_pads(tmp_path) == ["/dev/input/event5", "/dev/input/event3"]
+    (tmp_path / "event5/device/capabilities/key").unlink()
+    assert find_pad(tmp_path) == "/dev/input/event3"
+
+
+@given(st.binary(min_size=1, max_size=96))
+def test_codes_are_read_as_the_kernel_writes_them(bits: bytes) -> None:
+    whole = int.from_bytes(bits, "little")
+    assert events.codes_of(bits) == {at for at in range(8 * len(bits)) if whole >> at & 1}
+
+
+# --- teaching ---------------------------------------------------------------------------------------------------------
+
+Step = list[tuple[int, int, int]]
+
+
+def button(code: int) -> list[Step]:
+    return [[(events.KEY, code, 1)], [(events.KEY, code, 0)]]
+
+
+def axis(code: int, *values: int) -> list[Step]:
+    return [[(events.ABS, code, value)] for value in values]
+
+
+STOP, AGAIN, ENABLES, HOLDS, AHEAD, LEFT = (
+    "press the button that is to STOP", "press the STOP button again", "press the button that ENABLES",
+    "press the button that you will HOLD", "push the stick that drives straight AHEAD", "push it straight to the LEFT",
+)  # fmt: skip
+DRY = ("hold HOLD and push AHEAD", "still holding, push to the LEFT", "let go of HOLD", "press STOP", "press ENABLE")
+
+
+class Person:
+    """Answers each question by steps of events, one at each look; the last answer to a question is used again.
+
+    What is asked for and has no answer is nothing: the person waits.
+    """
+
+    def __init__(self, answers: Mapping[str, list[list[Step]]], values: Mapping[int, int] | None = None) -> None:
+        self.clock = ManualClock()
+        self.answers = {question: list(each) for question, each in answers.items()}
+        self.said: list[str] = []
+        self._steps: list[Step] = []
+        self._asked = ""
+        self.gone = ""
+        self.noise: Step = []
+        self.values = dict.fromkeys((0, 1, 5), 128) if values is None else values
+
+    def say(self, text: str) -> None:
+        self.said.append(text)
+        if text.startswith("  "):
+            return
+        self._asked = next((each for each in (*self.answers, *DRY, LEFT) if text.startswith(each)), "")
+        given = self.answers.get(self._asked, [])
+        if given:
+            self._steps = [*(given.pop(0) if len(given) > 1 else given[0])]
+        if self.gone and text.startswith(self.gone):
+            raise NotConnected("pad: /dev/input/event7: it has gone")
+
+    def events(self) -> list[Event]:
+        step = self._steps.pop(0) if self._steps else []
+        return [Event(*each) for each in (*self.noise, *step)]
+
+    def teach(self, spans: Mapping[int, Span] = SPANS) -> PadLayout:
+        return Teacher(self, spans, self.values, self.clock, self.say, self.clock.advance).teach()
+
+
+def person(**changed: list[list[Step]]) -> Person:
+    """Return somebody who teaches a pad by the buttons 0x122, 0x129 and 0x124, and the left stick."""
+    words = {"stop": STOP, "again": AGAIN, "enable": ENABLES, "hold": HOLDS, "ahead": AHEAD, "left": LEFT}
+    words |= dict(zip(("dry_ahead", "dry_left", "dry_let_go", "dry_stop", "dry_enable"), DRY, strict=True))
+    answers: dict[str, list[list[Step]]] = {
+        STOP: [button(0x122)], AGAIN: [button(0x122)], ENABLES: [button(0x129)], HOLDS: [button(0x124)],
+        AHEAD: [axis(1, 60, 0, 0, 90, 128)], LEFT: [axis(0, 40, 0, 128)],
+        DRY[0]: [[[(events.KEY, 0x124, 1)], *axis(1, 0)]], DRY[1]: [axis(1, 128) + axis(0, 0)],
+        DRY[2]: [[[(events.KEY, 0x124, 0)]]], DRY[3]: [button(0x122)], DRY[4]: [button(0x129)],
+    }  # fmt: skip
+    return Person(answers | {words[word]: given for word, given in changed.items()})
+
+
+TAUGHT = PadLayout(Control(0x124), (Control(0x122),), Control(0x129), Stick(1, -1, 128), Stick(0, -1, 128))
+
+
+def test_a_pad_is_taught_by_pressing_its_buttons_and_drives_so(hand: Callable[..., InHand], tmp_path: Path) -> None:
+    layout = person().teach()
+    assert layout == TAUGHT
+    path = keep_taught(STRANGER.key, layout, tmp_path / "mine" / "pads.json")
+    assert path.stat().st_mode & 0o777 == 0o600
+    mine = hand(STRANGER, load_taught(path))
+    mine.pad.open()
+    mine.do((events.KEY, 0x124, 1), (events.ABS, 0, 0))
+    assert mine.push() == Push(0.0, 1.0)
+    assert mine.do((events.KEY, 0x122, 1)) == [LATCH]
+    assert mine.do((events.KEY, 0x121, 1)) == []
+
+
+def test_triggers_hats_and_sticks_that_rest_elsewhere_are_taught(hand: Callable[..., InHand]) -> None:
+    trigger = axis(2, 90, 255, 255, 30, 0)
+    mine = person(
+        stop=[axis(0x11, 1, 0)], again=[axis(0x11, 1, 0)], hold=[trigger],
+        ahead=[axis(5, 200, 255, 160)], left=[axis(0, 128, 255, 128)],
+        dry_ahead=[axis(2, 255) + axis(5, 255)], dry_left=[axis(5, 160) + axis(0, 255)],
+        dry_let_go=[axis(2, 0)], dry_stop=[axis(0x11, 1, 0)],
+    )  # fmt: skip
+    mine.values = {0: 128, 1: 128, 5: 160, 2: 0, 0x10: 0, 0x11: 0}
+    mine.noise = [(events.ABS, 1, 126), (events.ABS, 1, 131)]  # a stick that trembles
+    layout = mine.teach()
+    assert layout == PadLayout(
+        Control(2, 0, 255), (Control(0x11, 0, 1),), Control(0x129), Stick(5, 1, 160), Stick(0, 1, 128)
+    )
+    pad_of = hand(STRANGER, {STRANGER.key: layout})
+    pad_of.pad.open()
+    pad_of.do((events.ABS, 2, 255), (events.ABS, 5, 160))
+    assert pad_of.push() == Push(0.0, 0.0)
+    pad_of.do((events.ABS, 5, 255), (events.ABS, 0, 0))
+    assert pad_of.push() == Push(1.0, -1.0)
+    pad_of.do((events.ABS, 5, 0), (events.ABS, 2, 150))  # half let go: it holds until 40 %
+    assert pad_of.push() == Push(-1.0, -1.0)
+    pad_of.do((events.ABS, 2, 90))
+    assert pad_of.push() is None
+    assert pad_of.do((events.ABS, 0x11, -1), (events.ABS, 0x11, 1)) == ["up", LATCH]
+
+
+@pytest.mark.parametrize(
+    ("spans", "first", "values"),
+    [
+        ({2: Span(0, 255)}, 0, (255, 0)),  # one that knows two values
+        ({2: Span(-127, 127)}, 0, (127, -127)),  # of which the kernel knows nothing before its first report
+        ({2: Span(0, 1023)}, 0, (300, 1023, 0)),
+        ({2: Span(0, 255)}, 255, (0, 255)),  # turned round
+    ],
+)
+def test_a_trigger_of_any_kind_is_known_by_where_it_rests(
+    spans: dict[int, Span], first: int, values: tuple[int, ...]
+) -> None:
+    pressed = axis(2, *values)
+    mine = person(hold=[pressed], dry_ahead=[axis(2, values[-2]) + axis(1, 0)], dry_let_go=[axis(2, values[-1])])
+    mine.values = {**mine.values, 2: first}
+    assert mine.teach(SPANS | spans).hold == Control(2, values[-1], values[-2])
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"enable": [button(0x122), button(0x129)]}, "  that is STOP already; another one"),
+        ({"hold": [button(0x129), button(0x124)]}, "  that is ENABLE already; another one"),
+        ({"hold": [axis(0, 0, 128), button(0x124)]}, "  a stick, and not a button"),
+        (
+            {"stop": [[[(1, 0x122, 1), (1, 0x121, 1)], [(1, 0x122, 0), (1, 0x121, 0)]], button(0x122)]},
+            "  two buttons at once; one alone",
+        ),
+        ({"again": [button(0x123), button(0x122)]}, "  that is button 0x123; it was button 0x122"),
+        ({"ahead": [button(0x120), axis(1, 0, 128)]}, "  a button, and not a stick"),
+        ({"ahead": [axis(1, 0, 128) + axis(0, 10, 128), axis(1, 0, 128)]}, "  it went askew; straight"),
+        ({"ahead": [axis(2, 255, 0), axis(1, 0, 128)]}, "  it goes one way only, as a trigger does; a stick"),
+        ({"left": [axis(1, 0, 128), axis(0, 0, 128)]}, "  the same axis as ahead; to the left"),
+        ({"dry_stop": [[*button(0x123), *button(0x122)]]}, "  that is another button"),
+        ({"dry_stop": [[*button(0x129), *button(0x122)]]}, "  that is ENABLE"),
+    ],
+)
+def test_a_wrong_press_is_named_and_asked_again(changed: dict[str, list[list[Step]]], said: str) -> None:
+    mine = person(**changed)
+    assert mine.teach() == TAUGHT
+    assert said in mine.said
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({"hold": []}, rf"nothing was pressed for {ANSWER_TIMEOUT:g} s"),
+        ({"hold": [[[(1, 0x124, 1)]]]}, "a button stays pressed"),
+        ({"ahead": [axis(1, 0)]}, "a stick is not let go"),
+        ({"enable": [button(0x122)]}, "too many wrong answers"),
+        ({"again": [button(0x123)]}, "the STOP button was not found again"),
+        ({"ahead": [[[(0, 3, 0)]]]}, "events were lost"),
+        ({"dry_ahead": [[[(1, 0x124, 1)], *axis(1, 255)]]}, "the dry run failed at: hold HOLD and push AHEAD"),
+        ({"dry_let_go": []}, "the dry run failed at: let go of HOLD"),
+        ({"dry_stop": [button(0x123) * MAX_TRIES]}, "the dry run failed at: press STOP"),
+    ],
+)
+def test_teaching_ends_with_nothing_kept_where_it_does_not_come_to_an_end(
+    changed: dict[str, list[list[Step]]], why: str
+) -> None:
+    with pytest.raises(TeachingError, match=why):
+        person(**changed).teach()
+
+
+@pytest.mark.parametrize("question", [STOP, AGAIN, ENABLES, HOLDS, AHEAD, LEFT, *DRY])
+def test_a_pad_that_is_pulled_out_while_it_is_taught_is_told(question: str) -> None:
+    mine = person()
+    mine.gone = question
+    with pytest.raises(NotConnected, match="it has gone"):
+        mine.teach()
+
+
+# --- the file ---------------------------------------------------------------------------------------------------------
+
+
+def test_layouts_of_several_pads_are_kept_beside_each_other(tmp_path: Path) -> None:
+    file = tmp_path / "pads.json"
+    other = PadLayout(Control(2, 0, 255), (Control(0x11, 0, 1),), Control(0x129), Stick(5, 1, 160), Stick(0, 1))
+    assert load_taught(file) == {}
+    keep_taught("0810:0001 Twin", TAUGHT, file)
+    keep_taught("0810:0001 Other", other, file)
+    keep_taught("0810:0001 Twin", replace(TAUGHT, enable=Control(0x128)), file)
+    assert load_taught(file) == {"0810:0001 Twin": replace(TAUGHT, enable=Control(0x128)), "0810:0001 Other": other}
+
+
+def damaged() -> Iterator[object]:
+    """Yield what is no layout."""
+    good = {
+        "hold": {"button": 1}, "stops": [{"button": 2}], "enable": {"button": 3},
+        "ahead": {"axis": 1, "sign": -1, "rest": None}, "left": {"axis": 0, "sign": -1, "rest": None},
+    }  # fmt: skip
+    for key, value in {
+        "hold": {"button": 2}, "stops": [], "enable": {"button": "3"}, "ahead": {"axis": 0, "sign": -1, "rest": None},
+        "left": {"axis": 0, "sign": 0, "rest": None},
+    }.items():  # fmt: skip
+        yield {"x": {**good, key: value}}
+    yield {"x": {**good, "hold": {"axis": 2, "rest": 5, "end": 5}}}
+    yield {"x": {**good, "hold": {"axis": 1, "rest": 0, "end": 5}}}
+    yield {"x": {**good, "hold": {"button": True}}}
+    yield {"x": {key: value for key, value in good.items() if key != "stops"}}
+    yield [1]
+    yield {"x": None}
+
+
+@pytest.mark.parametrize("content", [json.dumps(each) for each in damaged()] + ["", "{", "[" * 9999, "\udcff"])
+def test_a_damaged_file_is_refused_and_drives_nothing(tmp_path: Path, content: str) -> None:
+    file = tmp_path / "pads.json"
+    file.write_bytes(content.encode(errors="surrogateescape"))
+    with pytest.raises(NotConnected, match=r"pads\.json: cannot be used") as told:
+        load_taught(file)
+    assert f"rm {file}" in told.value.hint
+
+
+# --- the command ------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def at_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    return tmp_path
+
+
+def test_the_command_teaches_a_pad_and_keeps_it(
+    at_home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine = person()
+    node = at_home / "event7"
+    node.write_bytes(b"")
+    monkeypatch.setattr("missions.cli.teleop.SystemClock", lambda: mine.clock)
+    monkeypatch.setattr("missions.cli.teleop._pause", mine.clock.advance)
+    monkeypatch.setattr("missions.cli.teleop.click.echo", mine.say)
+    monkeypatch.setattr(pad, "ask_model", lambda _: STRANGER)
+    monkeypatch.setattr(Pad, "axes", lambda *_: (SPANS, mine.values))
+    monkeypatch.setattr(Pad, "events", lambda _: mine.events())
+    assert command(capsys, "teleop", "--teach-pad", str(node)).code == 0
+    assert load_taught() == {STRANGER.key: TAUGHT}
+    assert str(taught.pads_file()) in mine.said[-1]
+
+
+def test_the_command_does_not_guess_which_of_two_pads_is_meant(
+    at_home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(pad, "find_pads", lambda *_: ["/dev/input/event7", "/dev/input/event9"])
+    told = command(capsys, "teleop", "--teach-pad")
+    assert told.code == 2
+    assert "several game pads are plugged in" in told.err
+    assert "mission teleop --teach-pad /dev/input/event7  (or /dev/input/event9)" in told.err
+    node = at_home / "event7"
+    node.write_bytes(b"")
+    told = command(capsys, "teleop", "--teach-pad", str(node))
+    assert "the kernel does not tell which pad it is" in told.err
+    assert not taught.pads_file().exists()
+
+
+def test_an_error_of_teaching_is_one_of_a_device() -> None:
+    assert issubclass(TeachingError, DriverError)
