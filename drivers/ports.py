@@ -18,6 +18,7 @@ import serial
 
 from drivers.access import explain_denied
 from drivers.errors import NotConnected
+from drivers.programs import device_holders, end_command
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -183,7 +184,10 @@ def explain(who: str, port: str, error: BaseException) -> NotConnected:
         what, hint = explain_denied(Path(port))
         return NotConnected(f"{who}: {port}: {what}", hint=hint)
     if number in (errno.EAGAIN, errno.EBUSY):
-        return NotConnected(f"{who}: {port}: in use{_holders(port)}", hint=f"fuser -v {port}  (who holds it)")
+        holders = device_holders(port)
+        by = f" by {', '.join(map(str, holders))}" if holders else ""
+        hint = end_command(holders, f"fuser -v {port}  (who holds it)")
+        return NotConnected(f"{who}: {port}: in use{by}", hint=hint)
     what = str(error).removeprefix(f"{who}: {port}: ")  # which opening it may have said
     return NotConnected(f"{who}: {port}: {what}", hint=error.hint if isinstance(error, Lost) else f"ls -l {port}")
 
@@ -193,21 +197,3 @@ def _errno_of(error: BaseException) -> int | None:
     if isinstance(error, OSError) and error.errno is not None:
         return error.errno
     return _errno_of(error.__context__) if error.__context__ is not None else None
-
-
-def _holders(port: str) -> str:
-    """Name the processes that have the device open, as far as we may look (Linux only)."""
-    try:
-        device = Path(port).stat().st_rdev
-    except OSError:
-        return ""
-    found = []
-    for entry in Path("/proc").glob("[0-9]*/fd/*"):
-        try:
-            status = entry.stat()
-        except OSError:
-            continue
-        pid = entry.parts[2]
-        if stat.S_ISCHR(status.st_mode) and status.st_rdev == device and int(pid) != os.getpid():
-            found.append(pid)
-    return f" by process {', '.join(sorted(set(found)))}" if found else ""

@@ -2,7 +2,7 @@
 
 import os
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,8 +37,12 @@ class Program:
 def program_of(pid: int, root: Path = Path("/")) -> Program:
     """Return the program of a process."""
     folder = root / "proc" / str(pid)
-    name = _read(folder / "comm").strip() or "a program"
-    words = _read(folder / "cmdline").rstrip("\0").split("\0")
+    return named(pid, _read(folder / "comm"), _read(folder / "cmdline"))
+
+
+def named(pid: int, comm: str, cmdline: str) -> Program:
+    """Return the program of a process by what its files ``comm`` and ``cmdline`` in /proc hold."""
+    name, words = comm.strip() or "a program", cmdline.rstrip("\0").split("\0")
     ours = next((at for at, word in enumerate(words) if _is_ours(words, at, word)), None)
     if ours is not None:
         name = " ".join(["mission", *words[ours + 1 :]])
@@ -49,6 +53,11 @@ def program_of(pid: int, root: Path = Path("/")) -> Program:
 
 def _is_ours(words: list[str], at: int, word: str) -> bool:
     return (word == "missions" and words[at - 1] == "-m") or (at < 2 and Path(word).name == "mission")
+
+
+def end_command(holders: Sequence[Program], otherwise: str) -> str:
+    """Return the command that ends those of ``holders`` that are ours; ``otherwise`` if none is."""
+    return "; ".join(each.end_command for each in holders if each.end_command) or otherwise
 
 
 def device_holders(port: str) -> list[Program]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from drivers.access import explain_denied
+from drivers.programs import Program, named
 
 LARGEST = 4096
 """Bytes that are read of a file: files of /sys are at most a page."""
@@ -14,17 +15,6 @@ LARGEST = 4096
 
 def _my_groups() -> frozenset[int]:
     return frozenset({os.getegid(), *os.getgroups()})
-
-
-@dataclass(frozen=True, slots=True)
-class Process:
-    """A running program: its number, and its name."""
-
-    pid: int
-    name: str
-
-    def __str__(self) -> str:
-        return f"{self.name} ({self.pid})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,15 +80,15 @@ class Machine:
         """Return why the user may not open a device, and the next command to type."""
         return explain_denied(self.at(path), path, self.groups)
 
-    def processes(self) -> Iterator[Process]:
+    def processes(self) -> Iterator[Program]:
         """Yield the programs that run."""
         for name in self.names("/proc"):
             if name.isdecimal():
-                yield Process(int(name), self.text(f"/proc/{name}/comm") or "a program")
+                yield named(int(name), *(self.text(f"/proc/{name}/{each}") for each in ("comm", "cmdline")))
 
-    def holders(self) -> dict[str, list[Process]]:
+    def holders(self) -> dict[str, list[Program]]:
         """Return who has which device open, but for this program itself, as far as the user may look."""
-        found: dict[str, list[Process]] = {}
+        found: dict[str, list[Program]] = {}
         for process in self.processes():
             folder = f"/proc/{process.pid}/fd"
             opened = {self.target(f"{folder}/{number}") for number in self.names(folder)}

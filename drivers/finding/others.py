@@ -5,9 +5,10 @@ import re
 from dataclasses import dataclass
 
 from drivers.camera.devices import Ioctl, list_devices
-from drivers.finding.machine import Machine, Process
+from drivers.finding.machine import Machine
 from drivers.finding.serial_ports import Trouble
 from drivers.finding.usb import Usb, usb_of
+from drivers.programs import Program, end_command
 
 _CARD = re.compile(r"^\s*(\d+) \[(\S+)\s*\]: .* - (.+)$", re.MULTILINE)
 _STREAM = re.compile(r"^(\d+)-\d+: [^:]*:[^:]*: ?(.*)$", re.MULTILINE)
@@ -23,7 +24,7 @@ class CameraFound:
     name: str
     sizes: tuple[tuple[int, int], ...] = ()
     usb: Usb | None = None
-    holders: tuple[Process, ...] = ()
+    holders: tuple[Program, ...] = ()
     trouble: Trouble | None = None
 
 
@@ -58,7 +59,9 @@ def cameras(machine: Machine, ioctl: Ioctl = fcntl.ioctl) -> list[CameraFound]:
         if machine.may_open(path) is False:
             trouble = Trouble(*machine.explain_denied(path))
         elif held:
-            trouble = Trouble(f"in use by {', '.join(map(str, held))}", f"end that program, or: fuser -v {path}")
+            trouble = Trouble(
+                f"in use by {', '.join(map(str, held))}", end_command(held, f"end that program, or: fuser -v {path}")
+            )
         found.append(CameraFound(path, device.name, device.sizes, usb, held, trouble))
     return found
 

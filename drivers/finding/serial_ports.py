@@ -4,9 +4,10 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from drivers.finding.machine import Machine, Process
+from drivers.finding.machine import Machine
 from drivers.finding.usb import ADAPTERS, Usb, all_usb, usb_of
 from drivers.ports import DEBUG_CONNECTOR, PINS, UART_ON, is_raspberry_pi_5
+from drivers.programs import Program, end_command
 
 SLOW = 1
 """Milliseconds that an adapter may hold bytes back without doing harm."""
@@ -42,7 +43,7 @@ class SerialPort:
     names: tuple[str, ...] = ()
     usb: Usb | None = None
     latency: int | None = None
-    holders: tuple[Process, ...] = ()
+    holders: tuple[Program, ...] = ()
     shut: Trouble | None = None
     troubles: tuple[Trouble, ...] = ()
     own: str = "a port of the computer itself"
@@ -109,7 +110,7 @@ def _links(machine: Machine) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def _port(machine: Machine, path: str, names: tuple[str, ...], holders: tuple[Process, ...]) -> SerialPort:
+def _port(machine: Machine, path: str, names: tuple[str, ...], holders: tuple[Program, ...]) -> SerialPort:
     name = path.removeprefix("/dev/")
     told = machine.text(f"/sys/bus/usb-serial/devices/{name}/latency_timer")
     latency = int(told) if told.isdecimal() else None
@@ -124,11 +125,11 @@ def _port(machine: Machine, path: str, names: tuple[str, ...], holders: tuple[Pr
     )
 
 
-def _shut(machine: Machine, path: str, holders: tuple[Process, ...]) -> Trouble | None:
+def _shut(machine: Machine, path: str, holders: tuple[Program, ...]) -> Trouble | None:
     """Say why a port cannot be opened; None where it can."""
     if holders:
         who = ", ".join(str(each) for each in holders)
-        usual = f"end that program, or: fuser -v {path}"
+        usual = end_command(holders, f"end that program, or: fuser -v {path}")
         return Trouble(f"in use by {who}", next((CURES[each.name] for each in holders if each.name in CURES), usual))
     if machine.may_open(path) is None:
         return Trouble("the kernel has it, but there is no such device in /dev", "sudo udevadm trigger")

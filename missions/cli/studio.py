@@ -11,7 +11,7 @@ from ssl import SSLError
 
 import click
 
-from drivers.programs import tcp_holders
+from drivers.programs import end_command, tcp_holders
 from missions.cli.numbers import Whole
 from missions.cli.root import SUCCESS
 from missions.studio import ring
@@ -140,7 +140,7 @@ def _listen(host: str, port: int | None) -> socket.socket:
 def _held_by(port: int) -> tuple[str, str]:
     """Return who has a port, and how to end that; empty texts where the user may not know."""
     holders = tcp_holders(port)
-    ends = next((each.end_command for each in holders if each.end_command), "")
+    ends = end_command(holders, "")
     return f" by {', '.join(map(str, holders))}" if holders else "", f"; or: {ends}" if ends else ""
 
 

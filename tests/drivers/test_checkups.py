@@ -70,7 +70,7 @@ def test_a_slow_adapter_a_port_in_use_and_a_camera_are_told(desk: RecordedMachin
     assert (slow.verdict, held.verdict) == ("warning", "wrong")
     assert "for 16 ms" in slow.what
     assert slow.cure.startswith("echo 1 | sudo tee /sys/bus/usb-serial/devices/ttyUSB0/latency_timer")
-    assert "ModemManager (812)" in held.what
+    assert "ModemManager (process 812)" in held.what
     assert found["camera /dev/video0"] == Finding("camera /dev/video0", "HD Webcam")
 
 

@@ -91,11 +91,21 @@ def test_a_port_in_use_is_left_alone_and_says_who_has_it(desk: RecordedMachine, 
     desk.process(812, program, path, "/dev/null")
     (port,) = serial_ports(desk.machine)
     assert port.shut is not None
-    assert port.shut.what == f"in use by {program} (812)"
+    assert port.shut.what == f"in use by {program} (process 812)"
     assert cure in port.shut.cure
     heard, wire = asked(port, VirtualServoBus([VirtualServo(1)]), consent=True)
     assert heard.unasked == port.shut
     assert wire.sent == []
+
+
+def test_a_port_that_a_run_of_ours_has_names_the_run_and_what_ends_it(desk: RecordedMachine) -> None:
+    path = desk.port("ttyUSB0", "0403:6014", serial="FT1")
+    desk.process(812, "python3", path)
+    (desk.root / "proc/812/cmdline").write_text("python3\0-m\0missions\0run\0greet\0", encoding="utf-8")
+    (port,) = serial_ports(desk.machine)
+    assert port.shut is not None
+    assert port.shut.what == "in use by mission run greet (process 812)"
+    assert port.shut.cure == "mission stop --end 812"
 
 
 # --- desk 3: no rights ------------------------------------------------------------------------------------------------
@@ -179,7 +189,7 @@ def test_a_camera_is_told_with_who_has_it(desk: RecordedMachine) -> None:
     desk.process(99, "cheese", path)
     (camera,) = cameras(desk.machine, gives_pictures)
     assert camera.trouble is not None
-    assert camera.trouble.what == "in use by cheese (99)"
+    assert camera.trouble.what == "in use by cheese (process 99)"
 
 
 # --- desk 8: a Kobuki, on and off -------------------------------------------------------------------------------------

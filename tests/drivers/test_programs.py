@@ -1,11 +1,19 @@
 """Programs that hold a port: who they are, and how they are ended."""
 
+import errno
+import os
 import socket
+import subprocess
+import sys
 from contextlib import closing
 from pathlib import Path
 
-from drivers.programs import program_of, tcp_holders
+import pytest
+
+from drivers import ports
+from drivers.programs import Program, device_holders, program_of, tcp_holders
 from tests.cases import each
+from tests.waiting import wait_until
 
 COMMANDS = {
     ("/usr/bin/python3", "-m", "missions", "run", "greet"): ("mission run greet", "mission stop --end 7"),
@@ -39,3 +47,32 @@ def test_nobody_else_holds_a_port_of_this_process_or_one_that_is_free() -> None:
         port = found.getsockname()[1]
         assert tcp_holders(port) == []
     assert tcp_holders(port) == []
+
+
+def test_a_device_is_held_by_the_other_processes_that_have_it_open() -> None:
+    master, slave = os.openpty()
+    try:
+        port = os.ttyname(slave)
+        assert device_holders(port) == []
+        with subprocess.Popen([sys.executable, "-c", "input()"], stdin=slave) as child:
+            try:
+                wait_until(lambda: [each.pid for each in device_holders(port)] == [child.pid])
+            finally:
+                child.kill()
+        assert device_holders(port) == []
+        assert device_holders(f"{port}0000") == []
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def test_a_port_that_a_run_of_ours_holds_names_the_run_and_how_to_end_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    held = [Program(4711, "mission run greet"), Program(9, "ModemManager")]
+    monkeypatch.setattr(ports, "device_holders", lambda _: held)
+    error = ports.explain("base", "/dev/ttyUSB0", OSError(errno.EBUSY, "busy"))
+    assert str(error).startswith(
+        "base: /dev/ttyUSB0: in use by mission run greet (process 4711), ModemManager (process 9)"
+    )
+    assert error.hint == "mission stop --end 4711"
+    monkeypatch.setattr(ports, "device_holders", lambda _: held[1:])
+    assert "fuser -v" in ports.explain("base", "/dev/ttyUSB0", OSError(errno.EAGAIN, "busy")).hint

@@ -44,7 +44,7 @@ def test_each_port_says_what_it_is_how_to_call_it_and_what_is_in_the_way(
     wanted = (
         "/dev/ttyUSB0  FTDI FT232H (U2D2), 0403:6014\n"
         "  call it /dev/serial/by-id/usb-FTDI_FT1-if00-port0\n"
-        "  in use by ModemManager (812)\n"
+        "  in use by ModemManager (process 812)\n"
         "    try: sudo systemctl disable --now ModemManager  (it takes robots for modems)\n"
     )
     assert wanted in told.out
