@@ -70,6 +70,10 @@ DEBUG_CONNECTOR, PINS = "/dev/ttyAMA10", "/dev/ttyAMA0"
 UART_ON = "dtparam=uart0=on in /boot/firmware/config.txt, and a restart"
 """What switches the port of the pins on."""
 
+DEBUGGING = f"leads to the debug connector of this Raspberry Pi 5 ({DEBUG_CONNECTOR}), not to its pins"
+PINS_CURE = f"port: {PINS}  (GPIO 14 and 15, after {UART_ON})"
+"""What is said of it."""
+
 _PI_5 = re.compile(r"Raspberry Pi (5|500|Compute Module 5)\b")
 
 
@@ -84,18 +88,13 @@ def is_raspberry_pi_5(root: Path = Path("/")) -> bool:
     return False
 
 
-def refuse_debug_connector(who: str, port: str, root: Path = Path("/")) -> None:
-    """Raise NotConnected for a link such as /dev/serial0 to the debug connector of a Raspberry Pi 5.
+def leads_to_debug_connector(port: str, root: Path = Path("/")) -> bool:
+    """Return whether a port is a link, such as /dev/serial0, to the debug connector of a Raspberry Pi 5.
 
-    ``DEBUG_CONNECTOR`` itself is let through: a device may be wired to it on purpose.
+    ``DEBUG_CONNECTOR`` itself is none: a device may be wired to it on purpose.
     """
-    if port == DEBUG_CONNECTOR or not (root / port.lstrip("/")).is_symlink():
-        return
-    if (root / port.lstrip("/")).resolve().name == Path(DEBUG_CONNECTOR).name and is_raspberry_pi_5(root):
-        what = (
-            f"{who}: {port}: leads to the debug connector of this Raspberry Pi 5 ({DEBUG_CONNECTOR}), not to its pins"
-        )
-        raise NotConnected(what, hint=f"port: {PINS}  (GPIO 14 and 15, after {UART_ON})")
+    link = root / port.lstrip("/")
+    return link.is_symlink() and link.resolve().name == Path(DEBUG_CONNECTOR).name and is_raspberry_pi_5(root)
 
 
 _CONTROL_FLAGS = 2
@@ -156,7 +155,8 @@ def open_port(who: str, port: str, baud: int, *, timeout: float = 0.02) -> Seria
     Raises NotConnected, with what to try: nothing there, no serial port, no right to it, or held by another
     process; a name of the debug connector of a Raspberry Pi 5.
     """
-    refuse_debug_connector(who, port)
+    if leads_to_debug_connector(port):
+        raise NotConnected(f"{who}: {port}: {DEBUGGING}", hint=PINS_CURE)
     refuse_other_than_serial({who: port})
     try:
         return SerialPort(port, baud, timeout=timeout, write_timeout=0.5, exclusive=True)

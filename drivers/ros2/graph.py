@@ -272,8 +272,11 @@ class Ros2Graph:
 
     def _watch(self, name: str, node: Node) -> None:
         """Listen to a topic from now on, with the types that its senders have."""
-        kinds = {each.kind for each in node.entities(wire.PUBLISHER, name) if types().knows(each.kind)}
+        sent = {each.kind for each in node.entities(wire.PUBLISHER, name)}
+        kinds = {kind for kind in sent if types().knows(kind)}
         if not kinds:
+            if sent:
+                node.faults.add_of(name, f"its type {' or '.join(sorted(sent))} is not known here")
             return
         self._watched[name] = node
 

@@ -274,7 +274,8 @@ class TopicJoints(Enabling):
         if why := self._faults.why(0):
             return f"{self.name}: {why}", hint_for(self._channels[0].topic)
         silent = ", ".join(self._joints[name].there for name in self._felt.silent(now)) or "its joints"
-        what = f"{self.name}: {self._channels[0].topic}: nothing comes of {silent}"
+        unread = f"; not a number: {', '.join(sorted(self._felt.unread))}" if self._felt.unread else ""
+        what = f"{self.name}: {self._channels[0].topic}: nothing comes of {silent}{unread}"
         return what, f"`mission ros2 echo {self._channels[0].topic}` shows what comes"
 
     def _require_there(self) -> None:

@@ -130,6 +130,8 @@ class Felt:
 
     def __init__(self, joints: Mapping[str, TopicJoint]) -> None:
         self._joints = joints
+        self.unread: set[str] = set()
+        """The joints, by their names there, whose newest position is not a number."""
         # Replaced, never altered: any thread may read it.
         self._all: Mapping[str, tuple[float, float, float]] = {}  # position, velocity, when
 
@@ -144,7 +146,9 @@ class Felt:
                 continue
             position, before = joint.direction * float(told.position[place]), self._all.get(name)
             if isnan(position):  # it has not been read yet
+                self.unread.add(joint.there)
                 continue
+            self.unread.discard(joint.there)
             velocity = joint.direction * float(told.velocity[place]) if place < len(told.velocity) else nan
             if isnan(velocity):  # nor is measured
                 since = 0.0 if before is None else now - before[2]

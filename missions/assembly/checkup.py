@@ -18,6 +18,7 @@ from drivers.finding.asking import look
 from drivers.finding.machine import Machine
 from drivers.finding.serial_ports import SerialPort, serial_ports
 from drivers.finding.usb import ADAPTERS
+from drivers.ports import DEBUGGING, PINS_CURE, leads_to_debug_connector
 from missions.assembly.lags import BASE, CAMERA, kept
 from missions.library.folders import state_folder
 
@@ -99,6 +100,8 @@ def _part(
         yield wrong("port", f"nothing is plugged in at {named}", "mission ports  (what is, and how to call it)")
     elif wired and port.shut is not None:
         yield wrong("port", f"{named}: {port.shut.what}", port.shut.cure)
+    elif wired and leads_to_debug_connector(named, machine.root):
+        yield wrong("port", f"{named}: {DEBUGGING}", PINS_CURE)
     elif wired and _may_start_anew(section, port) and not resets:
         cure = "mission doctor --move --robot ROBOT  (hands off the robot)"
         yield Finding("port", f"{port.title}: left alone, for it starts anew when it is asked, and may move", cure=cure)

@@ -22,7 +22,7 @@ from drivers.finding.serial_ports import SerialPort, lost_adapters, serial_ports
 from drivers.finding.survey import asker, survey
 from drivers.finding.usb import Usb
 from drivers.keeper import wire as lines
-from drivers.ports import is_raspberry_pi_5, open_port, refuse_debug_connector
+from drivers.ports import is_raspberry_pi_5, leads_to_debug_connector, open_port
 from drivers.rplidar.wire import BEGIN, Command
 from drivers.sim.body import Body
 from drivers.virtual.dynamixel import VirtualServoBus
@@ -369,16 +369,19 @@ def test_the_debug_connector_of_a_raspberry_pi_5_is_not_taken_for_its_pins(
     assert (pins.call, debug.call) == ("/dev/ttyAMA0", "/dev/ttyAMA10" if is_5 else "/dev/serial0")
     assert pins.title == ("the pins GPIO 14 and 15" if is_5 else "a port of the computer itself")
     assert ("debug connector" in debug.title and "/dev/ttyAMA0, after dtparam=uart0=on" in debug.title) is is_5
-    refuse_debug_connector("base", "/dev/ttyAMA10", desk.root)  # somebody means it
-    refuse_debug_connector("base", "/dev/ttyAMA0", desk.root)
-    refuse_debug_connector("base", "/dev/ttyUSB0", desk.root)
-    if not is_5:
-        refuse_debug_connector("base", "/dev/serial0", desk.root)
-        return
-    with pytest.raises(
-        NotConnected, match=r"/dev/serial0: leads to the debug connector of this Raspberry Pi 5"
-    ) as told:
-        refuse_debug_connector("base", "/dev/serial0", desk.root)
+    own = {
+        port: leads_to_debug_connector(port, desk.root) for port in ("/dev/ttyAMA10", "/dev/ttyAMA0", "/dev/ttyUSB0")
+    }
+    assert not any(own.values()), "its own name is meant so"
+    assert leads_to_debug_connector("/dev/serial0", desk.root) is is_5
+
+
+def test_a_port_that_leads_to_the_debug_connector_is_not_opened(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("drivers.ports.leads_to_debug_connector", lambda port: port == "/dev/serial0")
+    with pytest.raises(NotConnected, match=r"^base: /dev/serial0: leads to the debug connector of this Raspb") as told:
+        open_port("base", "/dev/serial0", 115_200)
     assert told.value.hint.startswith("port: /dev/ttyAMA0  (GPIO 14 and 15, after dtparam=uart0=on")
 
 
@@ -387,7 +390,7 @@ def test_a_raspberry_pi_5_whose_first_port_is_that_of_the_pins_is_called_by_it(d
     uart(desk, "ttyAMA0", "serial0")
     (pins,) = serial_ports(desk.machine)
     assert pins.call == "/dev/ttyAMA0"
-    refuse_debug_connector("base", "/dev/serial0", desk.root)
+    assert not leads_to_debug_connector("/dev/serial0", desk.root)
 
 
 def test_sound_and_game_pads_are_told(desk: RecordedMachine) -> None:

@@ -224,6 +224,22 @@ def test_nothing_is_sent_that_could_move_or_change_anything(
 # The report
 
 
+def test_a_port_that_is_the_debug_connector_of_a_raspberry_pi_5_is_told_with_the_pins(
+    mission: Mission, desk: RecordedMachine, tmp_path: Path
+) -> None:
+    desk.write("proc/device-tree/model", "Raspberry Pi 5 Model B Rev 1.0")
+    desk.write("sys/class/tty/ttyAMA10/type", "32")
+    (desk.root / "sys/class/tty/ttyAMA10/device").mkdir()
+    desk.write("dev/ttyAMA10", "")
+    (desk.root / "dev/serial0").symlink_to("ttyAMA10")
+    rover = "robot: rover\nbase: {driver: waveshare, port: /dev/serial0, encoders: true, track: 0.2 m}\n"
+    (tmp_path / "rover.yaml").write_text(rover)
+    told = mission("--robot", str(tmp_path / "rover.yaml"), "--root", str(desk.root))
+    assert told.code == 1
+    assert "/dev/serial0: leads to the debug connector of this Raspberry Pi 5 (/dev/ttyAMA10)" in told.out
+    assert "port: /dev/ttyAMA0" in told.out
+
+
 @pytest.mark.usefixtures("plugged")
 def test_the_report_tells_all_but_whose_computer_it_is(
     mission: Mission, desk: RecordedMachine, monkeypatch: pytest.MonkeyPatch, tmp_path: Path

@@ -9,6 +9,7 @@ from drivers.api import Base, DeviceStatus, Health, Report, ignore
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.guard import guarded
+from missions.hands.teleop.layout import UnknownPadError
 from missions.hands.teleop.pad import Pad, pad_at
 from missions.hands.teleop.pilot import Pilot
 from missions.hands.teleop.turns import drive_by_hand
@@ -60,14 +61,14 @@ class Beside:
             try:
                 self._serve()
             except NotConnected as error:
-                self._lost(str(error), error.hint)
+                self._lost(str(error), error.hint, refused=isinstance(error, UnknownPadError))
             except Exception as error:  # whatever it is, the pad must not seem to be there
                 log.exception("the pad cannot be read")
                 self._lost(f"pad: {type(error).__name__}: {error}", "")
 
-    def _lost(self, why: str, hint: str) -> None:
-        """Say once that the pad is not there, and wait a while."""
-        if self._health.online:
+    def _lost(self, why: str, hint: str, *, refused: bool = False) -> None:
+        """Say once that the pad is not there, or why it is refused, and wait a while."""
+        if self._health.online or (refused and why != self._health.detail):
             self._report(DeviceStatus(self.name, "offline", why, hint))
         self._health = Health(False, why, hint)
         self._ending.wait(RETRY)

@@ -119,8 +119,12 @@ class PadModel:
         return buttons <= self.buttons and axes | {layout.ahead.code, layout.left.code} <= self.axes
 
 
+class UnknownPadError(NotConnected):
+    """A pad that is there, and whose buttons are not known."""
+
+
 def layout_for(path: str, model: PadModel | None, taught: Mapping[str, PadLayout]) -> PadLayout:
-    """Return the layout of a pad: the one that was taught, else of its model. Raises NotConnected for others."""
+    """Return the layout of a pad: the one that was taught, else of its model. Raises UnknownPadError."""
     if model is None:
         return UNIDENTIFIED
     found = taught.get(model.key)
@@ -139,7 +143,7 @@ def layout_for(path: str, model: PadModel | None, taught: Mapping[str, PadLayout
     else:
         why = "it has no left shoulder, east or Start button, or no left stick"
     hint = f"mission teleop --teach-pad {path}  (once); or switch it to mode X, if it has such a switch"
-    raise NotConnected(f"pad: {path}: {model.key}: {why}", hint=hint)
+    raise UnknownPadError(f"pad: {path}: {model.key}: {why}", hint=hint)
 
 
 class PadState:

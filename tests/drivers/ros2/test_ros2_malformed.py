@@ -158,6 +158,13 @@ def test_a_part_that_is_silent_for_its_malformed_messages_says_so() -> None:
     assert part.device._silence(part.clock.now())[0] == "base: /odom: no odometry comes"
 
 
+def test_a_joint_whose_position_is_not_a_number_is_named() -> None:
+    part = Part("arm")
+    part.device._kinds |= {0: STATE, 1: "std_msgs/msg/Float64MultiArray"}
+    part.hear(types().encode(STATE, {"name": ["elbow"], "position": [nan]}))
+    assert part.device._silence(part.clock.now())[0].endswith("nothing comes of elbow; not a number: elbow")
+
+
 def test_no_number_of_topics_fills_the_memory() -> None:
     faults = TopicFaults("ros2", [], ManualClock())
     for number in range(3 * MAX_TOPICS):

@@ -10,16 +10,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.clock import ManualClock
+from drivers.api import DeviceStatus
+from drivers.clock import ManualClock, SystemClock
 from drivers.errors import DriverError, NotConnected
 from missions.hands.teleop import events, pad, taught
+from missions.hands.teleop.beside import Beside
 from missions.hands.teleop.events import Event, Span
 from missions.hands.teleop.keymap import ENABLE, LATCH, Push
 from missions.hands.teleop.layout import D_MODE, STANDARD, Control, PadLayout, PadModel, Stick, layout_for
 from missions.hands.teleop.pad import Pad, find_pad, find_pads
 from missions.hands.teleop.taught import keep_taught, load_taught
 from missions.hands.teleop.teaching import ANSWER_TIMEOUT, MAX_TRIES, Teacher, TeachingError
+from missions.testing.recorders import RecordedBase
 from tests.missions.command import command
+from tests.waiting import wait_until
 
 NUMBERED = frozenset(range(0x120, 0x12C))
 NAMED = frozenset({0x130, 0x131, 0x133, 0x134, 0x136, 0x137, 0x13A, 0x13B})
@@ -105,6 +109,21 @@ def test_a_pad_that_nobody_knows_is_refused_with_the_reason_and_what_to_type(
     assert told.value.hint.startswith(f"mission teleop --teach-pad {unknown.path}")
     assert unknown.pad._descriptor == -1
     assert unknown.push() is None
+
+
+@pytest.mark.real_time
+def test_beside_a_mission_a_pad_that_is_refused_is_reported_once_and_commands_nothing(
+    hand: Callable[..., InHand],
+) -> None:
+    base, told, unknown = RecordedBase(ManualClock()), list[DeviceStatus](), hand(STRANGER)
+    beside = Beside(base, lambda: unknown.pad, SystemClock(), report=told.append)
+    beside.open()
+    wait_until(lambda: "only numbered" in beside.health().detail)
+    beside.close()
+    assert [(each.kind, each.hint.split("  ")[0]) for each in told] == [
+        ("offline", f"mission teleop --teach-pad {unknown.path}")
+    ]
+    assert base.commands == []
 
 
 def test_a_node_of_which_nothing_is_known_stops_by_both_and_drives_by_named_buttons_alone(
