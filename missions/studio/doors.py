@@ -35,6 +35,9 @@ HANDSHAKE_TIME, CLOSING_TIME = 5.0, 1.0
 ENTRY_TIME = 10.0
 """Seconds from ``accept`` until a connection has to have signed in."""
 
+LOOK_INTERVAL = 1.0
+"""Seconds from one look for connections that are late to the next."""
+
 COUNT_INTERVAL = 0.1
 """Seconds from one count of the descriptors of this process to the next, at least."""
 
@@ -52,12 +55,16 @@ class Standing(IntEnum):
 
 @dataclass(slots=True, eq=False)
 class Visit:
-    """A connection. ``network`` is its address, of IPv6 the first 64 bits; ``transport`` is None before TLS is done."""
+    """A connection that was accepted at ``since`` (s). ``transport`` is None before TLS is done.
+
+    ``network`` is its address, of IPv6 the first 64 bits.
+    """
 
     connection: socket.socket
     network: str
     standing: Standing = Standing.STRANGER
     transport: asyncio.Transport | None = None
+    since: float = 0.0
 
     @property
     def is_open(self) -> bool:
@@ -71,11 +78,6 @@ class Visit:
         elif self.is_open:
             with suppress(OSError):  # the other side has ended it
                 self.connection.shutdown(socket.SHUT_RDWR)
-
-    def end_stranger(self) -> None:
-        """Hang up unless it has shown something."""
-        if self.standing is Standing.STRANGER:
-            self.hang_up()
 
 
 ProtocolFactory = Callable[[Visit], asyncio.Protocol]
@@ -97,6 +99,7 @@ class Doors:
         """Accept the connections of a socket that listens."""
         listener.setblocking(False)
         self._begin(self._accept(listener))
+        self._begin(self._look())
 
     def close(self) -> None:
         """Accept nothing more, and end the handshakes that go on."""
@@ -123,11 +126,21 @@ class Doors:
                 continue
             visit = Visit(connection, network_of(address))
             if self.admit(visit):
-                loop.call_later(ENTRY_TIME, visit.end_stranger)
                 self._begin(self._serve(visit))
             else:
                 connection.close()
             await asyncio.sleep(0)  # one in a turn: those that are there are heard first
+
+    async def _look(self) -> None:
+        while True:
+            await asyncio.sleep(LOOK_INTERVAL)
+            self.end_late()
+
+    def end_late(self) -> None:
+        """Hang up on those whose time to sign in is over."""
+        for visit in self.visits:
+            if visit.standing is Standing.STRANGER and self.clock.now() - visit.since > ENTRY_TIME:
+                visit.hang_up()
 
     def admit(self, visit: Visit) -> bool:
         """Count a connection, for which another one may have to go; return whether there is room."""
@@ -137,6 +150,7 @@ class Doors:
             self._end_one(same)
         elif len(self.visits) >= self._room() and not self._end_one(self.visits):
             return False
+        visit.since = self.clock.now()
         self.visits.append(visit)
         return True
 

@@ -15,7 +15,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from missions.studio.access import Access, SignIn
 from missions.studio.commands import Role
-from missions.studio.doors import Standing, Visit
+from missions.studio.doors import Standing, Visit, network_of
 
 TOKEN, PROOF = "token", "proof"
 """Members of a query. The proof is that of the path; that of the websocket for the page, whose script keeps it."""
@@ -97,7 +97,7 @@ class Gate:
         given = bearer.strip() if kind.lower() == "bearer" else query.get(TOKEN, [""])[0]
         if not given:
             return self._by_cookie(scope, headers, query)
-        address = scope["client"][0] if scope.get("client") else ""
+        address = network_of(scope["client"]) if scope.get("client") else ""
         role = self._access.by_token(given, address)
         if role is None:
             if self._access.has_many_wrong(address):

@@ -61,8 +61,10 @@ class PageOpener:
             self._waiting.join()
 
     def _start(self, path: Path) -> None:
-        if not webbrowser.open(path.as_uri()):
-            self._report("there is no browser here\n  try: open the first link above yourself")
+        with suppress(webbrowser.Error, OSError):
+            if webbrowser.open(path.as_uri()):
+                return
+        self._report("there is no browser here\n  try: open the first link above yourself")
 
     def _wait(self, path: Path) -> None:
         hint_after, looks = int(HINT_TIME / POLL_INTERVAL), int(ONCE_TIME / POLL_INTERVAL)

@@ -78,6 +78,11 @@ class Guarded(H11Protocol):
         self.app_state["visit"].transport = transport
         self._watch()
 
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget it: of a flood, thousands would be kept until their time is over."""
+        self._limit.cancel()
+        super().connection_lost(exc)
+
     def on_response_complete(self) -> None:
         """Wait for the next request, for no longer than for the first."""
         self.scope = None  # type: ignore[assignment]

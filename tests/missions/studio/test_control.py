@@ -134,6 +134,16 @@ def test_what_is_no_command_is_answered_by_name_and_changes_nothing(run: Process
         assert client.ask("library")["error"] == "unknown_command"  # which is the studio's, not a run's
         assert client.ask("drive", n=1, stamp=0, ahead=9, left=0)["error"] == "bad_field"
         assert client.ask("drive", n=1, stamp=0, ahead=1, left=0)["error"] == "no_wheels"
+        for line in (
+            b'{"id": 70, "do": ',
+            b'{"id": 70, "do": "fly"}',
+            b'{"id": 70, "do": "stop", "run": ' + b"[" * 5000,
+        ):
+            client.link.connection.sendall(line + b"\n")
+            assert client.hear(lambda told: told["say"] == "answer")["id"] == 70
+        client.link.connection.sendall(b'{"id": 70, "do": "stop", "run": "' + b"x" * 70_000 + b'"}\n')
+        answer = client.hear(lambda told: told["say"] == "answer")
+        assert (answer["error"], answer["id"]) == ("too_large", 70)
         client.link.connection.sendall(b"x" * 200_000)
         assert client.hear(lambda told: told["say"] == "answer")["error"] == "too_large"
 

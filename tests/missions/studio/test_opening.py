@@ -3,6 +3,7 @@
 import os
 import re
 import stat
+import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 from threading import Event
@@ -111,9 +112,16 @@ def test_after_its_time_the_file_is_removed(monkeypatch: pytest.MonkeyPatch, sta
         wait_until(lambda: started and not files())
 
 
-def test_without_a_browser_the_user_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("error", [None, webbrowser.Error("no"), FileNotFoundError(2, "no")])
+def test_without_a_browser_the_user_is_told(monkeypatch: pytest.MonkeyPatch, error: Exception | None) -> None:
     told: list[str] = []
-    monkeypatch.setattr("webbrowser.open", lambda _: False)
+
+    def start(_: str) -> bool:
+        if error is not None:
+            raise error
+        return False
+
+    monkeypatch.setattr("webbrowser.open", start)
     with page_opener(Access(), link_of, told.append) as opener:
         opener.open()
         wait_until(lambda: told)

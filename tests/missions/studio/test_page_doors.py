@@ -12,6 +12,7 @@ from missions.studio.access import TRIES
 from missions.studio.ring import records_folder
 from tests.browser import Browser, Tab
 from tests.missions.records.report.told_record import items, write
+from tests.missions.studio.attacks import ATTACKS, attack
 from tests.missions.studio.neighbour import Neighbour, neighbour
 from tests.missions.studio.page import Page
 from tests.missions.studio.serving import Served, studio
@@ -152,6 +153,19 @@ def test_stop_works_while_pages_of_others_try_tokens(browser: Browser, served: S
     page = Page(browser, served)
     page.stop.click()
     page.wait_for("Nothing runs: there was nothing to stop.")
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("what", ["say nothing", "ask with a wrong token"])
+def test_the_page_comes_in_and_its_stop_works_while_many_do_this(browser: Browser, what: str) -> None:
+    with studio() as served:
+        before = Page(browser, served)
+        with attack(served, ATTACKS[what]):
+            before.stop.click()
+            before.wait_for("Nothing runs: there was nothing to stop.")
+            page = Page(browser, served, view="#tasks")
+            page.stop.click()
+            page.wait_for("Nothing runs: there was nothing to stop.")
 
 
 def test_a_link_on_another_page_signs_in_at_once(browser: Browser, served: Served, beside: Neighbour) -> None:
