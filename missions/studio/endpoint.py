@@ -5,13 +5,15 @@ import os
 import selectors
 import socket
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from drivers.api.quick import dataclass
 from missions.studio import abstract, sockets
 from missions.studio.messages import Run
 from missions.studio.notes import Notes
-from missions.studio.places import places
+from missions.studio.places import Place, places
+from missions.studio.slow_folders import CHECK_TIMEOUT, FOLDER_TIMEOUT, FolderTimeoutError, within
 
 CHECK_INTERVAL = 1.0
 """Seconds from one look whether the sockets can be reached to the next."""
@@ -54,6 +56,7 @@ class Endpoint:
         self._errors: list[str] = []
         self._held: int | None = None
         self._check_at = 0.0
+        self._seconds = FOLDER_TIMEOUT
 
     @property
     def listeners(self) -> list[socket.socket]:
@@ -67,6 +70,7 @@ class Endpoint:
         if now >= self._check_at:
             self._check_at = now + CHECK_INTERVAL
             self.check()
+            self._seconds = CHECK_TIMEOUT  # from now on stops are heard by this thread
         self.due = self._check_at
         for each in self._registered:
             with suppress(KeyError, ValueError):  # it is closed, or at rest
@@ -103,7 +107,7 @@ class Endpoint:
                 if isinstance(each.address, Path):
                     with suppress(OSError):  # the folder cannot be written any more: nobody answers there
                         if _inode(each.address) == each.inode:
-                            each.address.unlink(missing_ok=True)
+                            within(each.address.parent, partial(each.address.unlink, missing_ok=True))
                 each.socket.close()
         self._file = self._abstract = None
         if self._held is not None:
@@ -112,17 +116,13 @@ class Endpoint:
 
     def _listen_in_a_folder(self) -> Listener | None:
         """Listen in the first folder that can be used."""
-        for place in places():
+        for place in places(seconds=self._seconds):
             if place.is_own:
                 path = place.folder / f"{self._of_run.run}{sockets.ENDING}"
                 try:
-                    place.prepare()
-                    found = sockets.listen(path)
+                    return within(place.folder, partial(_listen, place, path), self._seconds)
                 except OSError as error:
                     self._errors.append(f"no control socket in {place.folder}: {error.strerror or error}")
-                    continue
-                found.setblocking(False)
-                return Listener(path, found, _inode(path))
         return None
 
     def _listen_by_name(self) -> Listener | None:
@@ -143,7 +143,7 @@ class Endpoint:
             if self._notes is None:
                 about = self._of_run
                 self._notes = Notes(about.run, about.mission, about.robot, about.simulated, is_run=True)
-            self._notes.write(listening)
+            self._notes.write(listening, self._seconds)
         except OSError as error:
             self._errors.append(f"no note of the run: {error.strerror or error}")
             return False
@@ -159,22 +159,39 @@ class Endpoint:
 
     def _can_be_reached(self, listener: Listener) -> bool:
         """Return whether who connects to the address of a listener reaches it, as far as that can be seen now."""
-        if isinstance(listener.address, Path) and _inode(listener.address) != listener.inode:
-            return False
         try:
-            with socket.socket(socket.AF_UNIX) as probe, sockets.address(listener.address) as target:
-                probe.setblocking(False)
-                probe.bind("")  # the kernel gives it a name, by which the connection is known
-                self._probes.add(probe.getsockname())
-                probe.connect(target)
+            if isinstance(listener.address, str):
+                self._probe(listener)
+            else:
+                within(listener.address.parent, partial(self._probe, listener), self._seconds)
+        except FolderTimeoutError:
+            return True  # nothing can be put in its place either
         except OSError as error:
             return error.errno in BUSY
         return True
 
+    def _probe(self, listener: Listener) -> None:
+        """Connect to the address of a listener. Raises OSError where another socket is there, or none."""
+        if isinstance(listener.address, Path) and listener.address.stat().st_ino != listener.inode:
+            raise FileNotFoundError(f"{listener.address} is another one")
+        with socket.socket(socket.AF_UNIX) as probe, sockets.address(listener.address) as target:
+            probe.setblocking(False)
+            probe.bind("")  # the kernel gives it a name, by which the connection is known
+            self._probes.add(probe.getsockname())
+            probe.connect(target)
+
+
+def _listen(place: Place, path: Path) -> Listener:
+    """Return a listener in a folder. Raises OSError."""
+    place.prepare()
+    found = sockets.listen(path)
+    found.setblocking(False)
+    return Listener(path, found, path.stat().st_ino)
+
 
 def _inode(path: Path) -> int:
-    """Return the inode at a path; 0 where there is none."""
+    """Return the inode at a path; 0 where there is none, or its folder hangs."""
     try:
-        return os.stat(path).st_ino  # noqa: PTH116 - once a second, for each run
+        return within(path.parent, path.stat).st_ino
     except OSError:
         return 0

@@ -14,7 +14,8 @@ from missions.studio.form import BadMessage
 from missions.studio.link import Link, OnLine
 from missions.studio.searching import Found, Search, may_live, search
 from missions.studio.spare import SpareDescriptors
-from missions.studio.stopping import GONE, stamp_stop, stop_one
+from missions.studio.stop_stamp import stamp_stop
+from missions.studio.stopping import GONE, stop_one
 from missions.studio.watching import Watching
 
 PERIOD = 0.25

@@ -12,6 +12,7 @@ import stat
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import field
+from functools import partial
 from pathlib import Path
 from threading import Event
 from typing import IO, Any
@@ -19,8 +20,9 @@ from typing import IO, Any
 from drivers.api.quick import dataclass
 from drivers.clock import SystemClock
 from missions.studio import sockets
-from missions.studio.places import places
+from missions.studio.places import Place, places
 from missions.studio.processes import ProcessIdentity, identity_of
+from missions.studio.slow_folders import FOLDER_TIMEOUT, FolderTimeoutError, within
 
 ENDING = ".note"
 
@@ -63,7 +65,7 @@ class Holder:
         """Return whether the process has not ended. Raises OSError where that is not known."""
         if self.identity is not None and (self.identity.is_visible or not self.notes):
             return self.identity.lives()
-        return any(read_note(path) is not None for path in self.notes)
+        return any(within(path.parent, partial(read_note, path)) is not None for path in self.notes)
 
     def terminate(self) -> None:
         """Send the process SIGTERM, if it has not ended. Raises OSError where it cannot be told from another one."""
@@ -78,11 +80,7 @@ class Holder:
         """
         for path in self.notes:
             with suppress(OSError):  # that is only for its last words
-                number = os.open(
-                    path, os.O_WRONLY | os.O_APPEND | os.O_NONBLOCK | os.O_NOFOLLOW
-                )  # if it is there still
-                with os.fdopen(number, "w", encoding="utf-8") as note:
-                    note.write(f"{by}\n")
+                within(path.parent, partial(_add, path, by))
         self.terminate()
         clock, pause = SystemClock(), Event()
         while self.lives():
@@ -103,31 +101,40 @@ class Notes:
         if identity is not None:
             self._about["process"] = [identity.pid, identity.start, identity.boot, identity.namespace]
         self._files: dict[Path, IO[str]] = {}
+        self._seconds = FOLDER_TIMEOUT
 
     @property
     def paths(self) -> list[Path]:
         """Where they are."""
         return [*self._files]
 
-    def write(self, listening: Sequence[str] = ()) -> None:
-        """Write those that are missing, and all where the sockets have changed. Raises OSError where none is there."""
+    def write(self, listening: Sequence[str] = (), seconds: float = FOLDER_TIMEOUT) -> None:
+        """Write those that are missing, and all where the sockets have changed. Raises OSError where none is there.
+
+        Each folder has so many ``seconds`` to answer.
+        """
+        self._seconds = seconds
         changed = [*listening] != self._about["sockets"]
         self._about["sockets"] = [*listening]
         errors = list[OSError]()
-        for place in places():
+        for place in places(seconds=seconds):
             path = place.folder / f"{self._run}{ENDING}"
             if not place.is_own or (not changed and self._is_there(path)):
                 continue
             try:
-                place.prepare()
-                self._write(path)
+                file = within(place.folder, partial(self._write, place, path), seconds)
             except OSError as error:
                 errors.append(error)
+            else:
+                if path in self._files:
+                    self._files.pop(path).close()
+                self._files[path] = file
         if not any(map(self._is_there, self._files)):
             raise errors[0] if errors else OSError("neither HOME nor XDG_RUNTIME_DIR says where a note can be")
 
-    def _write(self, path: Path) -> None:
+    def _write(self, place: Place, path: Path) -> IO[str]:
         """Put a note there in one move, locked: one that is not locked is of a process that was killed."""
+        place.prepare()
         begun = path.with_suffix(".noting")
         number = os.open(begun, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
         file = os.fdopen(number, "w", encoding="utf-8")
@@ -143,15 +150,15 @@ class Notes:
             with suppress(OSError):  # what is left to be written does not fit either
                 file.close()
             raise
-        if path in self._files:
-            self._files.pop(path).close()
-        self._files[path] = file
+        return file
 
     def _is_there(self, path: Path) -> bool:
         if path not in self._files:
             return False
         try:
-            found, own = path.stat(), os.fstat(self._files[path].fileno())
+            found, own = within(path.parent, path.stat, self._seconds), os.fstat(self._files[path].fileno())
+        except FolderTimeoutError:
+            return True  # it was, and nothing can be put there now
         except OSError:
             return False
         return (found.st_dev, found.st_ino) == (own.st_dev, own.st_ino)
@@ -161,7 +168,7 @@ class Notes:
         found = list[str]()
         for path in self._files:
             with suppress(OSError):
-                found += path.read_text(encoding="utf-8").splitlines()[1:]
+                found += within(path.parent, partial(path.read_text, encoding="utf-8")).splitlines()[1:]
         return list(dict.fromkeys(found))
 
     def close(self) -> None:
@@ -170,8 +177,15 @@ class Notes:
             path = next(iter(self._files))
             with suppress(OSError):  # the folder has become one that cannot be written: nobody holds it any more
                 if self._is_there(path):
-                    path.unlink(missing_ok=True)
+                    within(path.parent, partial(path.unlink, missing_ok=True))
             self._files.pop(path).close()
+
+
+def _add(path: Path, line: str) -> None:
+    """Add a line to a note that is there still."""
+    number = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_NONBLOCK | os.O_NOFOLLOW)
+    with os.fdopen(number, "w", encoding="utf-8") as note:
+        note.write(f"{line}\n")
 
 
 def read_note(path: Path) -> Holder | None:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from drivers.api.quick import dataclass
 from missions.library.folders import runtime_folder, state_folder
+from missions.studio.slow_folders import FOLDER_TIMEOUT, within
 
 SYSTEM_ROOT = "MISSION_SYSTEM_ROOT"
 """The variable with the folder below which `/run/user` and the homes of users are looked for: tests set it."""
@@ -79,36 +80,39 @@ def _owner_in_the_way(folder: Path) -> int | None:
     return None
 
 
-def places(environment: Mapping[str, str] = os.environ) -> list[Place]:
-    """Return where runs of this user can be, the place for a new one first; for root those of all sessions besides."""
+def places(environment: Mapping[str, str] = os.environ, seconds: float = FOLDER_TIMEOUT) -> list[Place]:
+    """Return where runs of this user can be, the place for a new one first; for root those of all sessions besides.
+
+    A home that does not answer within so many ``seconds`` counts as there.
+    """
     uid = os.geteuid()
-    found = [Place(folder) for folder in _own(environment, uid)]
+    found = [Place(folder) for folder in _own(environment, uid, seconds)]
     if uid == 0:
-        found += _others(environment)
+        found += _others(environment, seconds)
     first = dict[Path, Place]()
     for each in found:
         first.setdefault(each.folder, each)
     return list(first.values())
 
 
-def _own(environment: Mapping[str, str], uid: int) -> Iterator[Path]:
+def _own(environment: Mapping[str, str], uid: int, seconds: float) -> Iterator[Path]:
     if Path(environment.get("XDG_RUNTIME_DIR", "")).is_absolute():
         yield runtime_folder(environment) / "runs"
     session = _root(environment) / "run/user" / str(uid)
-    if _may_be_there(session):  # it is the system's to create
+    if _may_be_there(session, seconds):  # it is the system's to create
         yield session / SESSION
     if any(Path(environment.get(name, "")).is_absolute() for name in ("HOME", "XDG_STATE_HOME")):
         yield state_folder(environment) / "run" / "runs"  # without either, it is in the home that follows
-    home = _home(environment, uid)
+    home = _home(environment, uid, seconds)
     if home is not None:
         yield home / STATE
 
 
-def _others(environment: Mapping[str, str]) -> Iterator[Place]:
+def _others(environment: Mapping[str, str], seconds: float) -> Iterator[Place]:
     """Yield the places of all who have a session, and of the user for whom `sudo` was typed."""
     sessions = _root(environment) / "run/user"
     try:
-        names = os.listdir(sessions)  # noqa: PTH208 - as above
+        names = within(sessions, lambda: os.listdir(sessions), seconds)  # noqa: PTH208 - as above
     except (FileNotFoundError, NotADirectoryError):
         names = []
     except OSError:
@@ -116,7 +120,7 @@ def _others(environment: Mapping[str, str]) -> Iterator[Place]:
         yield Place(sessions, is_own=False)  # who looks there meets the error
     for uid in {int(name) for name in [*names, environment.get("SUDO_UID", "")] if name.isdecimal()} - {0}:
         yield Place(sessions / str(uid) / SESSION, is_own=False)
-        home = _home(environment, uid)
+        home = _home(environment, uid, seconds)
         if home is not None:
             yield Place(home / STATE, is_own=False)
 
@@ -125,7 +129,7 @@ def _root(environment: Mapping[str, str]) -> Path:
     return Path(environment.get(SYSTEM_ROOT) or "/")
 
 
-def _home(environment: Mapping[str, str], uid: int) -> Path | None:
+def _home(environment: Mapping[str, str], uid: int, seconds: float) -> Path | None:
     """Return the home that the system knows of a user, whatever HOME says; None for a user without one."""
     if root := environment.get(SYSTEM_ROOT):
         return Path(root) / "home" / str(uid)
@@ -135,17 +139,17 @@ def _home(environment: Mapping[str, str], uid: int) -> Path | None:
     except KeyError:
         return None
     home = _homes[uid]
-    return home if home.is_absolute() and _may_be_there(home) else None
+    return home if home.is_absolute() and _may_be_there(home, seconds) else None
 
 
 _homes: dict[int, Path] = {}
 """By user: without a descriptor left, the password file looks as if it were empty."""
 
 
-def _may_be_there(folder: Path) -> bool:
+def _may_be_there(folder: Path, seconds: float) -> bool:
     """Return whether there is such a folder, or that is not known."""
     try:
-        return stat.S_ISDIR(folder.stat().st_mode)
+        return stat.S_ISDIR(within(folder, folder.stat, seconds).st_mode)
     except (FileNotFoundError, NotADirectoryError):
         return False
     except OSError:

@@ -8,14 +8,17 @@ import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import field, replace
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from drivers.api.quick import dataclass
 from missions.studio import abstract, sockets
 from missions.studio.abstract import SIMULATED, AbstractName
 from missions.studio.notes import ENDING, Holder, read_note
-from missions.studio.places import places
+from missions.studio.places import Place, places
 from missions.studio.processes import ProcessIdentity, identity_of
+from missions.studio.slow_folders import all_within
 from missions.studio.sockets import Address
 
 BY_HAND = "pgrep -af mission  (what runs), and kill its process; or the robot's own switch"
@@ -160,23 +163,44 @@ def search(*, thorough: bool = True) -> Search:
     """
     result = Search()
     holders, files = list[Holder](), list[Path]()
-    for place in places():
-        try:
-            names = place.names()
-        except OSError as error:
-            result.doubts.append(doubt_of(f"{place.folder} cannot be read", error))
+    looked = all_within({place.folder: partial(_look_in, place) for place in places()})
+    for folder, seen in looked.items():
+        if isinstance(seen, OSError):
+            result.doubts.append(doubt_of(f"{folder} cannot be read", seen))
             continue
-        files += [place.folder / name for name in names if name.endswith(sockets.ENDING)]
-        for name in names:
-            if name.endswith(ENDING) and name.removesuffix(ENDING).replace("-", "").isdecimal():
-                try:
-                    holder = read_note(place.folder / name)
-                except OSError as error:
-                    result.doubts.append(doubt_of(f"{place.folder / name} cannot be read", error))
-                else:
-                    holders += [] if holder is None else [holder]
+        holders += seen.holders
+        files += seen.files
+        result.doubts += seen.doubts
     result.found = _together(holders, files, _listed(result.doubts, thorough=thorough))
     return result
+
+
+def runs_by_name() -> list[Found]:
+    """Return the runs of this user that the kernel lists by name: no folder is looked at, so none can delay this."""
+    return [each for each in _together([], [], _listed([], thorough=False)) if not each.is_command]
+
+
+class _Folder(NamedTuple):
+    """What is in one folder of runs."""
+
+    holders: list[Holder]
+    files: list[Path]
+    doubts: list[Doubt]
+
+
+def _look_in(place: Place) -> _Folder:
+    """Return what is in a folder of runs. Raises OSError where it cannot be read."""
+    names = place.names()
+    found = _Folder([], [place.folder / name for name in names if name.endswith(sockets.ENDING)], [])
+    for name in names:
+        if name.endswith(ENDING) and name.removesuffix(ENDING).replace("-", "").isdecimal():
+            try:
+                holder = read_note(place.folder / name)
+            except OSError as error:
+                found.doubts.append(doubt_of(f"{place.folder / name} cannot be read", error))
+            else:
+                found.holders.extend([] if holder is None else [holder])
+    return found
 
 
 def _listed(doubts: list[Doubt], *, thorough: bool) -> list[AbstractName]:

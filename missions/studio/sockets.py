@@ -10,6 +10,7 @@ import socket
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from threading import Event, Lock
 from typing import Any, Self
@@ -17,6 +18,7 @@ from typing import Any, Self
 from drivers.api.quick import dataclass
 from drivers.clock import Clock, SystemClock
 from missions.studio.places import places
+from missions.studio.slow_folders import FOLDER_TIMEOUT, within
 
 ENDING = ".sock"
 
@@ -66,7 +68,7 @@ def _is_answered(run: str) -> bool:
     for place in places():
         path = place.folder / f"{run}{ENDING}"
         try:
-            if path.exists():
+            if within(place.folder, path.exists):
                 connect(path).close()
                 return True
         except OSError:
@@ -134,6 +136,12 @@ def listen(path: Path) -> socket.socket:
 
 def connect(where: Address) -> socket.socket:
     """Return a socket that is connected to a run. Raises OSError; a socket of a process that is gone is taken away."""
+    if isinstance(where, str):
+        return _connect(where)
+    return within(where.parent, partial(_connect, where), PATIENCE + FOLDER_TIMEOUT)
+
+
+def _connect(where: Address) -> socket.socket:
     found = socket.socket(socket.AF_UNIX)
     try:
         found.settimeout(PATIENCE)
@@ -235,6 +243,13 @@ class RunLink:
         line, _, self._heard = self._heard.partition(b"\n")
         found: Mapping[str, Any] = json.loads(line)
         return found
+
+    def last_stop(self) -> int:
+        """Return the number of the last stop of the run. Raises OSError."""
+        self.connection.sendall(b'{"do": "watch"}\n')
+        while (told := self.hear()).get("say") != "scene":
+            pass
+        return int(told["state"]["stops"])
 
     def close(self) -> None:
         """Hang up."""

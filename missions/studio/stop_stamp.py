@@ -8,10 +8,12 @@ import json
 import os
 import secrets
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from missions.studio.places import Place, places
 from missions.studio.processes import ProcessIdentity, here
+from missions.studio.slow_folders import all_within
 
 NAME = "newest.stop"
 
@@ -25,23 +27,30 @@ def write_stamp() -> None:
     Raises OSError if no folder can take it.
     """
     text = json.dumps({"boot": here()[0], "ticks": _uptime()})
-    errors, written = list[OSError](), 0
-    for place in places():
-        try:
-            _write(place, text)
-            written += 1
-        except OSError as error:
-            errors.append(error)
-    if not written:
+    done = all_within({place.folder: partial(_write, place, text) for place in places()})
+    errors = [each for each in done.values() if each is not None]
+    if len(errors) == len(done):
         raise errors[0] if errors else OSError("neither HOME nor XDG_RUNTIME_DIR says where a stamp can be")
+
+
+def stamp_stop() -> str:
+    """Note the time of a stop for commands that are still loading; return why that failed, empty where it did not."""
+    try:
+        write_stamp()
+    except PermissionError:
+        return ""  # nor can a command write its note there, and without one it moves no robot
+    except OSError as error:
+        why = f"what is loading does not learn of this stop ({error.strerror or error}): perhaps not stopped"
+        return f"{why}\n  try: mission stop, once more"
+    return ""
 
 
 def is_stopped_since(process: ProcessIdentity) -> bool:
     """Return whether all was stopped after a process had started. Damaged stamps, and those of other boots, are old."""
+    stamps = all_within({place.folder: partial(_read, place) for place in places()}).values()
+    read = (stamp for stamp in stamps if not isinstance(stamp, OSError))
     return any(
-        boot == process.boot and ticks + RESOLUTION >= process.start
-        for boot, ticks in map(_read, places())
-        if ticks is not None
+        boot == process.boot and ticks + RESOLUTION >= process.start for boot, ticks in read if ticks is not None
     )
 
 

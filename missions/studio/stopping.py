@@ -5,6 +5,7 @@ A run counts as stopped once it has answered that all is latched, or once its pr
 
 import secrets
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import field
 from threading import Lock, Thread
 from typing import Any
@@ -13,9 +14,9 @@ from drivers.api.quick import dataclass
 from missions.studio import sockets
 from missions.studio.notes import END_TIME, Holder
 from missions.studio.processes import ProcessIdentity, identity_of
-from missions.studio.searching import Found, Search, is_own, reason_of, search
+from missions.studio.searching import Found, Search, is_own, reason_of, runs_by_name, search
 from missions.studio.sockets import RunLink
-from missions.studio.stop_stamp import write_stamp
+from missions.studio.stop_stamp import stamp_stop
 
 Said = dict[object, tuple[bool, str]]
 """What came of each that was asked: whether it is good, and the words for people."""
@@ -47,13 +48,15 @@ def ask_all(
     looked at, and could be meant, is returned as well.
     """
     asking = Asking(asked, by, which, only)
+    if asking.stops:
+        asking.ask_by_name(runs_by_name())  # at once, whatever the folders are like that are looked at next
     unstamped = stamp_stop() if asking.stops and not which else ""
     found = search(thorough=False) if found is None else found
     work = asking.begin(found.found)
     known = {each.key for each in found.found}
     found = search()  # what is there at once does not wait for this
     work += asking.begin([each for each in found.found if each.key not in known])
-    for thread in work:
+    for thread in [*work, *(thread for _, thread in asking.early.values())]:
         thread.join()
     if not which or not asking.answered.issuperset(which):
         asking.said |= {each: (False, each.words) for each in found.doubts}
@@ -65,23 +68,12 @@ def ask_all(
     return asking.said
 
 
-def stamp_stop() -> str:
-    """Note the time of a stop for commands that are still loading; return why that failed, empty where it did not."""
-    try:
-        write_stamp()
-    except PermissionError:
-        return ""  # nor can a command write its note there, and without one it moves no robot
-    except OSError as error:
-        why = f"what is loading does not learn of this stop ({reason_of(error)}): perhaps not stopped"
-        return f"{why}\n  try: mission stop, once more"
-    return ""
-
-
 @dataclass(slots=True)
 class Asking:
     """One thing asked of many, from a thread for each. ``said`` is what came of it, ``answered`` the runs that have.
 
-    ``results`` are what runs have answered to a stop, ``meant`` those names of ``which`` that there are.
+    ``results`` are what runs have answered to a stop, ``meant`` those names of ``which`` that there are. ``early`` are
+    the runs that were asked by name alone, each with the thread that does.
     """
 
     commands: Sequence[Command]
@@ -92,6 +84,7 @@ class Asking:
     answered: set[str] = field(default_factory=set)
     meant: set[str] = field(default_factory=set)
     results: dict[object, Mapping[str, Any]] = field(default_factory=dict)
+    early: dict[object, tuple[Found, Thread]] = field(default_factory=dict)
     _press: str = field(default_factory=lambda: secrets.token_hex(8))
     _claimed: set[object] = field(default_factory=set)
     _lock: Lock = field(default_factory=Lock)
@@ -114,8 +107,29 @@ class Asking:
                 work.append(thread)
         return work
 
+    def ask_by_name(self, found: Sequence[Found]) -> None:
+        """Begin to ask runs that the kernel lists. One that does not answer is left to ``begin``, which knows more."""
+
+        def work(each: Found) -> None:
+            unanswered = suppress(OSError, ValueError, KeyError, TypeError, AttributeError)
+            with unanswered, sockets.linked(each.addresses[0]) as link:
+                if link.told and each.is_at(link.process) and link.uid == each.uid:
+                    self._ask_by(each, link)
+
+        for each in found:
+            if each.addresses and each.is_meant(self.which) is not False:
+                thread = Thread(target=work, args=(each,))
+                with suppress(RuntimeError):  # the system allows no more threads
+                    thread.start()
+                    self.early[each.key] = each, thread
+
     def ask(self, found: Found) -> None:
         """Ask one, if it is meant, and note what came of it."""
+        if found.key in self.early:
+            early, thread = self.early[found.key]
+            thread.join()
+            if early in self.said:
+                return
         if found.is_meant(self.which) is False:
             return
         self.meant |= found.names.intersection(self.which)
@@ -155,7 +169,11 @@ class Asking:
             raise TimeoutError("it does not answer")
         if told and not self._is_meant(found, link):
             return
-        words = [self._done(found, link, command) for command in self.commands]
+        try:
+            words = [self._done(found, link, command) for command in self.commands]
+        except BaseException:
+            self._claimed.discard(_claim_of(link))  # it may answer by another way
+            raise
         name = found.words if found.holder is not None or not told else _words_of(link)
         self.said[found] = all(good for good, _ in words), name + "".join(f": {each}" for _, each in words)
         self.answered.add(found.run)
@@ -167,7 +185,7 @@ class Asking:
         if (self.which and names.isdisjoint(self.which)) or not self.only(told):
             return False
         self.meant |= names.intersection(self.which)
-        known = link.process, told.get("pid"), told.get("run"), told.get("began")
+        known = _claim_of(link)
         with self._lock:
             is_new = known not in self._claimed
             self._claimed.add(known)
@@ -176,7 +194,7 @@ class Asking:
     def _done(self, found: Found, link: RunLink, command: Command) -> tuple[bool, str]:
         """Have one thing done, and say what came of it. Raises OSError where nobody answers."""
         if command["do"] == "release":
-            command = {**command, "stop": _last_stop(link)}
+            command = {**command, "stop": link.last_stop()}
         elif command["do"] == "stop":
             command = {**command, "press": self._press}
         for _ in range(STOP_TRIES):
@@ -274,17 +292,14 @@ def _is_there(found: Found, now: Search) -> bool:
     return bool(now.doubts) or any(each.run == found.run and each.identity == found.identity for each in now.found)
 
 
+def _claim_of(link: RunLink) -> object:
+    """Return what tells a run from all others that were asked, by what it tells of itself."""
+    return link.process, *(link.told.get(each) for each in ("pid", "run", "began"))
+
+
 def _words_of(link: RunLink) -> str:
     """Return what a run tells that it is."""
     told = link.told
     mission, robot, simulated = (str(told.get(name, "")) for name in ("mission", "robot", "simulated"))
     process = link.process or told.get("pid", 0)  # the kernel does not tell the number of one in another container
     return Holder(process, mission, robot, simulated, run=str(told.get("run", ""))).words
-
-
-def _last_stop(link: RunLink) -> int:
-    """Return the number of the last stop of a run."""
-    link.connection.sendall(b'{"do": "watch"}\n')
-    while (told := link.hear()).get("say") != "scene":
-        pass
-    return int(told["state"]["stops"])

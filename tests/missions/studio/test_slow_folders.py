@@ -1,0 +1,173 @@
+"""Folders that hang, as a home on a network disk that has gone: they delay no stop, neither who asks nor who hears."""
+
+import io
+import os
+import selectors
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+import pytest
+
+from drivers.clock import SystemClock
+from missions.studio import slow_folders, sockets
+from missions.studio.endpoint import CHECK_INTERVAL, Endpoint
+from missions.studio.messages import Run
+from missions.studio.places import places
+from missions.studio.processes import identity_of
+from missions.studio.searching import search
+from missions.studio.slow_folders import FolderTimeoutError, all_within, within
+from missions.studio.sockets import RunLink
+from missions.studio.stop_stamp import is_stopped_since, write_stamp
+from missions.studio.stopping import ask_all
+from tests.missions.studio.running import DRIVING, REST, run_of, seconds_to_rest
+from tests.waiting import wait_until
+
+CALLS = ("stat", "lstat", "open", "listdir", "scandir", "mkdir", "unlink", "replace", "rename", "chmod", "readlink")
+"""The calls of ``os`` that hang on a folder that does."""
+
+STOP = [{"do": "stop"}]
+
+
+@contextmanager
+def hanging(*folders: Path) -> Iterator[None]:
+    """Let each call of this process on one of these folders, or on what is in it, hang until this is over."""
+    over = Event()
+    roots = tuple(str(folder) for folder in folders)
+
+    def hang(call: Callable[..., Any], path: Any, *more: Any, **named: Any) -> Any:
+        if isinstance(path, str | os.PathLike) and os.fspath(path).startswith(roots):
+            over.wait()
+        return call(path, *more, **named)
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in CALLS:
+            patch.setattr(os, name, partial(hang, getattr(os, name)))
+        patch.setattr(io, "open", partial(hang, io.open))
+        try:
+            yield
+        finally:
+            over.set()
+            for thread in [*slow_folders._hanging.values()]:
+                thread.join(10.0)
+
+
+def roots() -> list[Path]:
+    """Return all folders in which runs of this user can be."""
+    return [place.folder for place in places()]
+
+
+@pytest.mark.real_time
+def test_a_stop_reaches_a_run_at_once_though_every_folder_hangs(tmp_path: Path) -> None:
+    with run_of(tmp_path, DRIVING) as (process, base):
+        wait_until(lambda: base.seen().top > 0.15)
+        asked = base.seen().heard_at
+        with hanging(*roots()):
+            said = ask_all(STOP, "test")
+            assert seconds_to_rest(base, asked) < REST
+        words = "\n".join(words for _, words in said.values())
+        assert f"{process.process.pid}: driving on turtlebot2: stopped (base)" in words
+        assert "does not answer (a network disk that is gone?)" in words  # what is in there could move on
+        assert process.process.poll() is None
+
+
+def test_a_run_that_does_not_answer_by_name_is_asked_by_its_file_before_any_signal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried = []
+    connect = RunLink.open
+
+    def by_file_alone(where: sockets.Address) -> RunLink:
+        tried.append(where)
+        if isinstance(where, str):
+            raise TimeoutError("it does not answer by name")
+        return connect(where)
+
+    with run_of(tmp_path, DRIVING) as (process, base):
+        wait_until(lambda: base.seen().top > 0.15)
+        monkeypatch.setattr(RunLink, "open", by_file_alone)
+        ((good, words),) = ask_all(STOP, "test").values()
+        assert (good, words) == (True, f"{process.process.pid}: driving on turtlebot2: stopped (base)")
+        assert {type(where) for where in tried} == {str, type(tmp_path)}
+        assert process.process.poll() is None
+
+
+def test_a_run_that_fails_to_answer_by_one_way_is_asked_by_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ask = RunLink.ask
+    failed: list[object] = []
+
+    def lost_once(self: RunLink, command: Any, **more: Any) -> Any:
+        if not failed:
+            failed.append(command)
+            raise TimeoutError("it does not answer")
+        return ask(self, command, **more)
+
+    monkeypatch.setattr(RunLink, "ask", lost_once)
+    with run_of(tmp_path, DRIVING) as (process, _):
+        ((good, words),) = ask_all(STOP, "test").values()
+        assert (good, words) == (True, f"{process.process.pid}: driving on turtlebot2: stopped (base)")
+
+
+@pytest.mark.real_time
+def test_a_run_keeps_its_sockets_and_hears_others_while_its_folders_hang() -> None:
+    selector = selectors.DefaultSelector()
+    mine = Run(run=str(os.getpid()), pid=os.getpid(), mission="m", robot="r", simulated="", began=0.0)
+    endpoint = Endpoint(selector, mine)
+    endpoint.turn(0.0)
+    before = endpoint.listeners
+    with hanging(*roots(), Path.home()):
+        clock = SystemClock()
+        for turn in range(1, 20):
+            endpoint.turn(turn * CHECK_INTERVAL)
+        assert clock.now() < 2.0  # 19 looks: only the first one waits, once for each folder
+        assert (endpoint.listeners, endpoint.trouble) == (before, "")
+    endpoint.turn(20 * CHECK_INTERVAL)
+    assert (endpoint.listeners, endpoint.trouble) == (before, "")
+    endpoint.close()
+    selector.close()
+
+
+def test_what_a_hanging_folder_holds_is_a_doubt_and_no_other_folder_is_left_out() -> None:
+    first, *_ = roots()
+    process = identity_of(os.getpid())
+    assert process is not None
+    with hanging(first):
+        write_stamp()
+        assert is_stopped_since(process)
+        (doubt,) = search().doubts
+        assert doubt.why == f"{first} cannot be read: {first} does not answer (a network disk that is gone?)"
+    for place in places():
+        (place.folder / "newest.stop").unlink(missing_ok=True)
+
+
+def test_no_second_call_is_made_on_a_folder_while_one_hangs_and_then_it_is_used_again(tmp_path: Path) -> None:
+    over, calls = Event(), []
+
+    def work() -> str:
+        calls.append(1)
+        over.wait()
+        return "done"
+
+    for _ in range(5):
+        with pytest.raises(FolderTimeoutError):
+            within(tmp_path, work, 0.0)
+    assert len(calls) == 1
+    over.set()
+    slow_folders._hanging[tmp_path].join()
+    assert within(tmp_path, work) == "done"
+
+
+def test_each_folder_has_its_own_result_or_error(tmp_path: Path) -> None:
+    there, gone = tmp_path, tmp_path / "gone"
+    found = all_within({there: partial(os.listdir, there), gone: partial(os.listdir, gone)})
+    assert found[there] == []
+    assert isinstance(found[gone], FileNotFoundError)
+    with pytest.raises(FileNotFoundError):
+        within(gone, partial(os.listdir, gone))
+    with pytest.raises(ZeroDivisionError):
+        within(there, lambda: 1 // 0)
