@@ -31,7 +31,7 @@ NOISE = 0.1
 AT_END = 0.2
 """The share of its span from an end within which a trigger rests; a stick rests elsewhere."""
 
-WIDE = 0.3
+WIDE = 0.25
 """The share of its span that a stick is pushed at least: from its middle to the end are 0.5."""
 
 LOOK = 0.02

@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from random import Random
 
 import pytest
 from hypothesis import given
@@ -23,6 +24,7 @@ from missions.hands.teleop.taught import keep_taught, load_taught
 from missions.hands.teleop.teaching import ANSWER_TIMEOUT, MAX_TRIES, Teacher, TeachingError
 from missions.testing.recorders import RecordedBase
 from tests.missions.command import command
+from tests.tries import tries
 from tests.waiting import wait_until
 
 NUMBERED = frozenset(range(0x120, 0x12C))
@@ -432,3 +434,67 @@ def test_the_command_does_not_guess_which_of_two_pads_is_meant(
 
 def test_an_error_of_teaching_is_one_of_a_device() -> None:
     assert issubclass(TeachingError, DriverError)
+
+
+# --- any pad ----------------------------------------------------------------------------------------------------------
+
+
+def strange_pad(chance: Random) -> tuple[dict[int, Span], dict[int, int], PadLayout]:
+    """Return a pad that chance has made: what its axes measure, where they are, and its layout."""
+    codes = chance.sample([0, 1, 2, 3, 4, 5, 9, 10], 6)
+    spans, values = dict[int, Span](), dict[int, int]()
+    sticks, triggers = codes[:2], codes[2:]
+    for code in codes:
+        low, high = chance.choice([(0, 255), (-32768, 32767), (0, 1023), (-127, 127)])
+        spans[code] = Span(low, high)
+    made = list[Stick]()
+    for code in sticks:
+        span = spans[code]
+        rest = round((span.least + span.most) / 2 + chance.uniform(-0.2, 0.2) * (span.most - span.least))
+        values[code] = rest
+        made.append(Stick(code, chance.choice([-1, 1]), rest))
+    controls = list[Control]()
+    buttons = chance.sample(range(0x120, 0x140), 3)
+    for code in buttons:
+        trigger = triggers.pop() if chance.random() < 0.4 else None
+        if trigger is None:
+            controls.append(Control(code))
+            continue
+        ends = [spans[trigger].least, spans[trigger].most]
+        chance.shuffle(ends)
+        values[trigger] = chance.choice([ends[0], 0])  # before its first report the kernel says 0
+        controls.append(Control(trigger, *ends))
+    return spans, values, PadLayout(controls[0], (controls[1],), controls[2], made[0], made[1])
+
+
+def moved(control: Control, *, down: bool) -> list[Step]:
+    """Press a control, slowly where it is a trigger, or let it go."""
+    if control.rest is None:
+        return [[(events.KEY, control.code, int(down))]]
+    ways = [control.rest + (control.end - control.rest) * share // 4 for share in (1, 2, 3, 4)]
+    return axis(control.code, *(ways if down else [*ways[2::-1], control.rest]))
+
+
+def press(control: Control) -> list[Step]:
+    return moved(control, down=True) + moved(control, down=False)
+
+
+def pushed(stick: Stick, span: Span) -> tuple[list[Step], list[Step]]:
+    """Push a stick to its end, and let it go."""
+    end, rest = span.most if stick.sign > 0 else span.least, stick.rest or 0
+    return axis(stick.code, (rest + end) // 2, end), axis(stick.code, (rest + end) // 2, rest)
+
+
+def test_any_pad_is_taught_as_it_is() -> None:
+    for seed in range(tries(30, most=2000)):
+        spans, values, layout = strange_pad(Random(seed))  # noqa: S311 - no secret
+        (stop,) = layout.stops
+        (out, back), (left, left_back) = (pushed(each, spans[each.code]) for each in (layout.ahead, layout.left))
+        mine = person(
+            stop=[press(stop)], again=[press(stop)], enable=[press(layout.enable)], hold=[press(layout.hold)],
+            ahead=[out + back], left=[left + left_back], dry_ahead=[moved(layout.hold, down=True) + out],
+            dry_left=[back + left], dry_let_go=[left_back + moved(layout.hold, down=False)],
+            dry_stop=[press(stop)], dry_enable=[press(layout.enable)],
+        )  # fmt: skip
+        mine.values = values
+        assert mine.teach(spans) == layout, seed
