@@ -9,7 +9,7 @@ import re
 import select
 import stat
 import termios
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ import serial
 
 from drivers.access import explain_denied
 from drivers.errors import NotConnected
-from drivers.programs import device_holders, end_command
+from drivers.programs import Program, device_holders, end_command
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -159,9 +159,13 @@ def open_port(who: str, port: str, baud: int, *, timeout: float = 0.02) -> Seria
         raise NotConnected(f"{who}: {port}: {DEBUGGING}", hint=PINS_CURE)
     refuse_other_than_serial({who: port})
     try:
-        return SerialPort(port, baud, timeout=timeout, write_timeout=0.5, exclusive=True)
+        opened = SerialPort(port, baud, timeout=timeout, write_timeout=0.5, exclusive=True)
     except (serial.SerialException, OSError) as error:
         raise explain(who, port, error) from error
+    if holders := device_holders(port):  # which opened it before us, not exclusively, and would take half of the bytes
+        opened.close()
+        raise _in_use(who, port, holders)
+    return opened
 
 
 class Lost(OSError):
@@ -184,12 +188,15 @@ def explain(who: str, port: str, error: BaseException) -> NotConnected:
         what, hint = explain_denied(Path(port))
         return NotConnected(f"{who}: {port}: {what}", hint=hint)
     if number in (errno.EAGAIN, errno.EBUSY):
-        holders = device_holders(port)
-        by = f" by {', '.join(map(str, holders))}" if holders else ""
-        hint = end_command(holders, f"fuser -v {port}  (who holds it)")
-        return NotConnected(f"{who}: {port}: in use{by}", hint=hint)
+        return _in_use(who, port, device_holders(port))
     what = str(error).removeprefix(f"{who}: {port}: ")  # which opening it may have said
     return NotConnected(f"{who}: {port}: {what}", hint=error.hint if isinstance(error, Lost) else f"ls -l {port}")
+
+
+def _in_use(who: str, port: str, holders: Sequence[Program]) -> NotConnected:
+    by = f" by {', '.join(map(str, holders))}" if holders else ""
+    hint = end_command(holders, f"fuser -v {port}  (who holds it)")
+    return NotConnected(f"{who}: {port}: in use{by}", hint=hint)
 
 
 def _errno_of(error: BaseException) -> int | None:

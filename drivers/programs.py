@@ -14,6 +14,9 @@ LISTENING = "0A"
 
 MAX_NAME_LENGTH = 60
 
+PTY_MAJORS = range(136, 144)
+"""Major numbers of pseudo-terminals, by the kernel's list of devices; fdinfo has the index of one at its other end."""
+
 
 @dataclass(frozen=True, slots=True)
 class Program:
@@ -61,17 +64,25 @@ def end_command(holders: Sequence[Program], otherwise: str) -> str:
 
 
 def device_holders(port: str) -> list[Program]:
-    """Return the other programs that have a device open, as far as the user may look (Linux only)."""
+    """Return the other programs that have a device open, as far as the user may look (Linux only).
+
+    The program at the other end of a pseudo-terminal is none of them.
+    """
     try:
         device = Path(port).stat().st_rdev
     except OSError:
         return []
+    index = 256 * (os.major(device) - PTY_MAJORS[0]) + os.minor(device)
+    own_end = f"tty-index:\t{index}\n" if os.major(device) in PTY_MAJORS else ""
 
     def holds(descriptor: Path) -> bool:
         status = descriptor.stat()
         return stat.S_ISCHR(status.st_mode) and status.st_rdev == device
 
-    return list(_holders(holds))
+    def is_other_end(program: Program) -> bool:
+        return any(own_end in _read(each) for each in Path(f"/proc/{program.pid}/fdinfo").glob("*"))
+
+    return [program for program in _holders(holds) if not own_end or not is_other_end(program)]
 
 
 def tcp_holders(port: int) -> list[Program]:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from drivers import ports
+from drivers.errors import NotConnected
 from drivers.programs import Program, device_holders, program_of, tcp_holders
 from tests.cases import each
 from tests.waiting import wait_until
@@ -76,3 +77,36 @@ def test_a_port_that_a_run_of_ours_holds_names_the_run_and_how_to_end_it(monkeyp
     assert error.hint == "mission stop --end 4711"
     monkeypatch.setattr(ports, "device_holders", lambda _: held[1:])
     assert "fuser -v" in ports.explain("base", "/dev/ttyUSB0", OSError(errno.EAGAIN, "busy")).hint
+
+
+READER = "import os, sys; number = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY); print('open', flush=True); input()"
+
+
+def test_a_port_that_another_program_reads_is_not_opened() -> None:
+    master, slave = os.openpty()
+    port = os.ttyname(slave)
+    try:
+        command = [sys.executable, "-c", READER, port]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as reader:
+            assert reader.stdout is not None
+            assert reader.stdout.readline() == "open\n"
+            with pytest.raises(NotConnected, match=rf"in use by .*process {reader.pid}\)") as caught:
+                ports.open_port("base", port, 115200)
+            assert "fuser -v" in caught.value.hint
+        ports.open_port("base", port, 115200).close()
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+OTHER_END = """import os, tty
+master, slave = os.openpty(); tty.setraw(slave); print(os.ttyname(slave), flush=True); input()"""
+
+
+def test_the_program_at_the_other_end_of_a_pseudo_terminal_does_not_count() -> None:
+    command = [sys.executable, "-c", OTHER_END]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as device:
+        assert device.stdout is not None
+        port = device.stdout.readline().strip()
+        assert device_holders(port) == []
+        ports.open_port("base", port, 115200).close()
