@@ -54,6 +54,11 @@ class Node(Behaviour):
         return self.status is RUNNING and self.suspension is not None
 
     @property
+    def skipped(self) -> bool:
+        """True where it has succeeded without a start of its behaviour, which a condition has skipped."""
+        return False
+
+    @property
     def claims(self) -> frozenset[str]:
         """The actuators that it, or anything below it, may drive."""
         return frozenset().union(*(child.claims for child in self.children if isinstance(child, Node)))

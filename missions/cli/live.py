@@ -33,7 +33,7 @@ REFRESH = 0.1
 SOON = 2.0
 """Seconds after which it is worth a line that the parts of the robot are ready."""
 
-SIGNS = {"success": ("✓", "green"), "failure": ("✗", "red"), "idle": ("-", "dim")}
+SIGNS = {"success": ("✓", "green"), "skipped": ("»", "dim"), "failure": ("✗", "red"), "idle": ("-", "dim")}
 
 REFLEXES = {
     "bumper": "bumped",

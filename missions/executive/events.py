@@ -20,10 +20,20 @@ STATUS_WORDS = {
 SUSPENDED = "suspended"
 """How the status is written of a node that runs only because a sensor has not reported."""
 
+SKIPPED = "skipped"
+"""The same of one that has succeeded though its behaviour was not started, because its ``if`` was false."""
+
 
 def status_word(node: Node) -> str:
     """Return how the status of a node is written now."""
+    if node.skipped:
+        return SKIPPED
     return SUSPENDED if node.suspended else STATUS_WORDS[node.status]
+
+
+def plain_status(word: str) -> str:
+    """Return a status as a parent takes it: what was skipped counts as success."""
+    return STATUS_WORDS[Status.SUCCESS] if word == SKIPPED else word
 
 
 @dataclass(slots=True)

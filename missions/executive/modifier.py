@@ -7,7 +7,7 @@ from py_trees.common import Status
 from py_trees.decorators import Decorator
 
 from behaviours.node import Node
-from missions.executive.parent import Parent
+from missions.executive.parent import SUCCESS, Parent
 from missions.language.expressions import ExpressionError
 from missions.language.plan import Step
 from missions.language.values import Value
@@ -39,6 +39,10 @@ class Modifier(Parent, Decorator):
             return f"{self.kind}: {error}"
         self.begin()
         return ""
+
+    @property
+    def skipped(self) -> bool:
+        return self.status is SUCCESS and self.child.skipped
 
     def begin(self) -> None:
         """Forget an earlier run of it."""

@@ -22,14 +22,28 @@ class Condition(Modifier):
         """Ask the expression in ``value`` now. Raises ExpressionError."""
         return bool(self.value.resolve(self.scope))
 
+    def untrue(self) -> str:
+        """Return the reason where it is false."""
+        condition = self.value.template
+        return (
+            f"not true: {condition.text if isinstance(condition, Expression) else 'a condition that is always false'}"
+        )
+
 
 class If(Condition):
     """Asked once, at the start; where it is false the node is skipped and succeeds."""
 
     run_state = ("setting",)
 
+    @property
+    def skipped(self) -> bool:
+        return super().skipped if self.setting else self.status is SUCCESS
+
     def on_running(self) -> Status:
-        return self.tick_child() if self.setting else SUCCESS
+        if self.setting:
+            return self.tick_child()
+        self.feedback_message = self.untrue()
+        return SUCCESS
 
 
 class While(Condition):
@@ -38,9 +52,7 @@ class While(Condition):
     def on_running(self) -> Status:
         if self.true_now():
             return self.tick_child()
-        condition = self.value.template
-        asked = condition.text if isinstance(condition, Expression) else "a condition that is always false"
-        self.feedback_message = f"not true: {asked}"
+        self.feedback_message = self.untrue()
         return self.end(FAILURE)
 
 
@@ -56,6 +68,10 @@ class Retry(Modifier):
 
     run_state = ("setting", "_attempts")
     _attempts = 0
+
+    @property
+    def skipped(self) -> bool:
+        return self._attempts == 1 and super().skipped
 
     def begin(self) -> None:
         self._attempts = 0
@@ -75,6 +91,10 @@ class Repeat(Modifier):
 
     run_state = ("setting", "_runs")
     _runs = 0
+
+    @property
+    def skipped(self) -> bool:
+        return self._runs == 1 and super().skipped
 
     def begin(self) -> None:
         self._runs = 0

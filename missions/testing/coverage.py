@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from missions.executive.events import plain_status
 from missions.testing.history import NodeRecord
 from missions.testing.play import Verdict
 from missions.testing.suite import shown_path
@@ -31,7 +32,7 @@ class NodeCoverage:
     @property
     def missed(self) -> list[str]:
         """The ways in which it can end, and never did."""
-        return sorted(self.ends - self.statuses)
+        return sorted(self.ends - set(map(plain_status, self.statuses)))
 
     @property
     def tried(self) -> str:

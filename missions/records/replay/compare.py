@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 
 from behaviours.node import Node
-from missions.executive.events import Event, NodeChanged, status_word
+from missions.executive.events import Event, NodeChanged, plain_status, status_word
 from missions.records.replay.pairing import Place, paired, places_of
 from missions.views.pictures.drawing import Drawing
 
@@ -86,7 +86,7 @@ class Comparison:
         """Return where the changes of one node differ first; where there is none on one side, it stays as it is."""
         node = self._nodes[self.pairs[key]]
         stays = then[-1] if then else self._stood.get(key, State(IDLE))
-        stands = State(status_word(node), node.reason)
+        stands = State(plain_status(status_word(node)), node.reason)
         both = [(was or stays, does or stands) for was, does in zip_longest(then, now)]
         # A reason in other words is the difference only where no status is.
         was, does = max(both, key=lambda pair: (pair[0].status != pair[1].status, pair[0] != pair[1]))
@@ -103,8 +103,8 @@ class Comparison:
 
 
 def _by_node(changes: Iterable[NodeChanged]) -> dict[str, list[State]]:
-    """Return the changes of each node, in order."""
+    """Return the changes of each node, in order. What was skipped succeeded in records from before that had a word."""
     found: dict[str, list[State]] = defaultdict(list)
     for change in changes:
-        found[change.node].append(State(change.status, change.reason))
+        found[change.node].append(State(plain_status(change.status), change.reason))
     return found

@@ -14,6 +14,7 @@ WORDS = {
     "running": "still at work",
     "suspended": "suspended",
     "success": "success",
+    "skipped": "skipped",
     "failure": "failure",
 }
 """What the end of a bar is called."""

@@ -26,6 +26,7 @@ BARS: dict[Status, tuple[str, str]] = {
     "failure": ("#b3400a", "////"),
     "running": ("#0067a8", "...."),
     "suspended": ("#7a5200", "----"),
+    "skipped": ("#56616d", ""),
     "idle": ("#8a8f98", "\\\\\\\\"),
 }
 """The colour and the hatching of a bar by how it ended: they are told apart in print too."""
@@ -35,6 +36,7 @@ ENDS: dict[Status, str] = {
     "failure": "failure",
     "running": "at work",
     "suspended": "suspended",
+    "skipped": "skipped",
     "idle": "interrupted",
 }
 

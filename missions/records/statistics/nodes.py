@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from missions.executive.events import NodeChanged
+from missions.executive.events import NodeChanged, plain_status
 from missions.executive.tick_record import TickRecord
 from missions.language.nodes import AT_ONCE, COMPOSITES, MODIFIERS
 from missions.records.statistics.figures import NodeFigures, Place
@@ -48,6 +48,7 @@ class _Tally:
 
     def take(self, status: str, t: float) -> None:
         """Take on a status."""
+        status = plain_status(status)
         ran = self.status in ACTIVE
         if status in ACTIVE:
             self.since = self.since if ran else t

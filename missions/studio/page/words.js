@@ -1,6 +1,6 @@
 // Figures and events in words.
 
-export const SIGNS = { idle: "○", running: "▶", suspended: "‖", success: "✓", failure: "✗", interrupted: "■", error: "!" };
+export const SIGNS = { idle: "○", running: "▶", suspended: "‖", success: "✓", skipped: "»", failure: "✗", interrupted: "■", error: "!" };
 
 /** Return whether a node with this status has started and not ended. */
 export const isActive = (status) => status === "running" || status === "suspended";

@@ -99,7 +99,7 @@ class Feed:
     def _ticked(self, event: Ticked) -> None:
         self._tick, self._late = event.tick, event.late or 0.0
         self._lates += event.late is not None
-        self._over = event.status in ("success", "failure")  # what is being closed then is no news
+        self._over = event.status in ("success", "skipped", "failure")  # what is being closed then is no news
         if self._in_tick:
             self.look()
 

@@ -14,6 +14,7 @@ STYLES: Mapping[str, str] = {
     "running": "bold #5fb7f0",
     "suspended": "bold #e0c060",
     "success": "#4fc08d",
+    "skipped": "#8a8a8a",
     "failure": "bold #f08a5d",
 }
 """Colours for statuses that people with any kind of colour vision tell apart, as far as colours can."""

@@ -6,16 +6,30 @@ from typing import Literal
 
 from drivers.api.quick import dataclass
 
-Status = Literal["idle", "running", "suspended", "success", "failure"]
+Status = Literal["idle", "running", "suspended", "success", "skipped", "failure"]
 """What a node is doing, in the words of events."""
 
 ACTIVE: frozenset[str] = frozenset({"running", "suspended"})
 """The statuses of a node that has started and not ended."""
 
-SIGNS: Mapping[Status, str] = {"idle": "○", "running": "▶", "suspended": "‖", "success": "✓", "failure": "✗"}
+SIGNS: Mapping[Status, str] = {
+    "idle": "○",
+    "running": "▶",
+    "suspended": "‖",
+    "success": "✓",
+    "skipped": "»",
+    "failure": "✗",
+}
 """A sign for each status: no picture tells them apart by colour alone."""
 
-ASCII_SIGNS: Mapping[Status, str] = {"idle": "o", "running": ">", "suspended": "=", "success": "+", "failure": "x"}
+ASCII_SIGNS: Mapping[Status, str] = {
+    "idle": "o",
+    "running": ">",
+    "suspended": "=",
+    "success": "+",
+    "skipped": "/",
+    "failure": "x",
+}
 """The same where there is no Unicode."""
 
 

@@ -10,6 +10,7 @@ STYLES: Mapping[Status, str] = {
     "running": "fill:#eaf4fc,stroke:#0067a8,color:#1d2530,stroke-width:3px",
     "suspended": "fill:#fdf3dc,stroke:#7a5200,color:#1d2530,stroke-width:3px,stroke-dasharray:2 3",
     "success": "fill:#ecf7f3,stroke:#00735a,color:#1d2530",
+    "skipped": "fill:#f4f5f7,stroke:#56616d,color:#1d2530,stroke-dasharray:1 3",
     "failure": "fill:#fdf0e9,stroke:#b3400a,color:#1d2530,stroke-width:2px",
 }
 """Colours that go with the signs of statuses, and a border of its own for each."""
@@ -24,7 +25,7 @@ def mermaid(drawing: Drawing) -> str:
     live = drawing.time is not None
     lines = ["flowchart LR"]
     if live:
-        seldom = {"suspended"} - {box.outer for box in drawing.root.walk()}
+        seldom = {"suspended", "skipped"} - {box.outer for box in drawing.root.walk()}
         lines += [f"  classDef {status} {style}" for status, style in STYLES.items() if status not in seldom]
     for box in drawing.root.walk():
         said = "<br/>".join(part.translate(_ENTITIES) for part in _lines(labels, box))

@@ -12,16 +12,18 @@ text { font-family: "DejaVu Sans", Verdana, sans-serif; font-size: 11px; fill: #
 .shadow { fill: #e3e7ed } .card { fill: #ffffff; stroke: #aeb7c3; stroke-width: 1.2 } .outline { fill: none }
 .composite { fill: #434d5c } .mission { fill: #5f4b91 } .condition { fill: #0f736d } .action { fill: #2a5d8f }
 .band.idle { fill: #767d88 } .band.running { fill: #0067a8 } .band.suspended { fill: #7a5200 }
-.band.success { fill: #00735a } .band.failure { fill: #b3400a }
+.band.skipped { fill: #56616d } .band.success { fill: #00735a } .band.failure { fill: #b3400a }
 .card.idle { stroke: #858c97; stroke-dasharray: 4 3 }
 .card.running { fill: #eaf4fc; stroke: #0067a8; stroke-width: 3 }
 .card.suspended { fill: #fdf3dc; stroke: #7a5200; stroke-width: 3; stroke-dasharray: 2 3 }
 .card.success { fill: #ecf7f3; stroke: #00735a }
+.card.skipped { fill: #f4f5f7; stroke: #56616d; stroke-dasharray: 1 3 }
 .card.failure { fill: #fdf0e9; stroke: #b3400a; stroke-width: 1.5 }
 .inner { fill: none; stroke: #b3400a; stroke-width: 1.2 }
 .link { fill: none; stroke: #aeb7c3; stroke-width: 1.6 }
 .link.idle { stroke: #a3aab4; stroke-dasharray: 4 3 } .link.running { stroke: #0067a8; stroke-width: 3 }
 .link.suspended { stroke: #7a5200; stroke-width: 3; stroke-dasharray: 2 3 }
+.link.skipped, .pill.skipped { stroke: #56616d; stroke-dasharray: 1 3 }
 .link.success { stroke: #00735a } .link.failure { stroke: #b3400a; stroke-dasharray: 9 3 }
 .symbol { fill: #ffffff; font-size: 14px; text-anchor: middle } .sample { text-anchor: middle }
 .kind { font-size: 13px; font-weight: bold } .name { font-size: 13px }
@@ -47,6 +49,7 @@ text { fill: #e5e9ee } .page { fill: #12161b } .summary { fill: #a3aeba } .momen
 .card.running { fill: #152a3c; stroke: #7cc0f5 } .card.success { fill: #14302a; stroke: #67d0a8 }
 .card.suspended { fill: #372c12; stroke: #f0c667 } .link.suspended { stroke: #f0c667 }
 .sign.suspended { fill: #f0c667 } .pill.suspended { stroke: #f0c667 }
+.card.skipped { fill: #1f262e; stroke: #a3aeba } .link.skipped, .pill.skipped { stroke: #a3aeba }
 .card.failure { fill: #3a2119; stroke: #ff9f73 } .inner { stroke: #ff9f73 }
 .link { stroke: #56616d } .link.idle { stroke: #6b7682 } .link.running { stroke: #7cc0f5 }
 .link.success { stroke: #67d0a8 } .link.failure { stroke: #ff9f73 }

@@ -41,7 +41,14 @@ Kind = Literal["composite", "condition", "action", "mission"]
 KINDS: Mapping[Kind, str] = {"composite": "", "condition": CONDITION, "action": ACTION, "mission": "▣"}
 """The four sorts of node, and their signs; each composite has its own."""
 
-_WEIGHT: Mapping[Status, int] = {"idle": 0, "success": 1, "failure": 2, "suspended": 3, "running": 4}
+_WEIGHT: Mapping[Status, int] = {
+    "idle": 0,
+    "skipped": 1,
+    "success": 2,
+    "failure": 3,
+    "suspended": 4,
+    "running": 5,
+}
 """Which links lie on top where several share a way."""
 
 

@@ -127,7 +127,7 @@ OURS: Mapping[str, Schema] = {
         name=text("Its name."),
         kind=text("The word in the mission."),
         line=whole("Its line in the file."),
-        status=choice("Its status now.", "idle", "running", "success", "failure", "suspended"),
+        status=choice("Its status now.", "idle", "running", "success", "failure", "suspended", "skipped"),
         reason=text("Why, in words."),
     ),
     "missiontree.Feedback": closed(

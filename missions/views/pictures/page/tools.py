@@ -11,6 +11,7 @@ STATUSES: Mapping[Status, str] = {
     "running": "is at work",
     "suspended": "waits for a sensor that does not report",
     "success": "has done it, or says yes",
+    "skipped": "was not started: its condition was false",
     "failure": "could not do it, or says no",
 }
 """What each status says of a node."""

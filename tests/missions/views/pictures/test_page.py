@@ -28,6 +28,7 @@ GREETING = {
     "1.2.1": Now("running", "off by 4 deg", 3.1),
     "1.2.2": Now("failure", "held for 0.3 s", 5.0),
     "1.2.2.1": Now("failure", "off by 7 deg", 5.0),
+    "1.3.1.1.2": Now("skipped", "not true: polite", 5.0),
 }
 """How the nodes of the mission "greet" may stand 6.25 s into a run: in all ways but suspended."""
 

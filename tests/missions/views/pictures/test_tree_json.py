@@ -59,7 +59,11 @@ def test_the_schema_refuses_what_it_does_not_know() -> None:
         (("format",), "missiontree-tree/9", f"its format is 'missiontree-tree/9', not '{FORMAT}'"),
         (("tree",), None, "'tree' must be dict, got None"),
         (("tree", "line"), "3", "'line' must be int, got '3'"),
-        (("tree", "status"), "done", "'status' must be one of idle, running, suspended, success, failure, got 'done'"),
+        (
+            ("tree", "status"),
+            "done",
+            "'status' must be one of idle, running, suspended, success, skipped, failure, got 'done'",
+        ),
         (("tree", "since"), "now", "'since' must be seconds or null, got 'now'"),
         (("tree", "modifiers"), [1], "'modifiers' must be dict, got 1"),
         (("tree", "arguments"), {"distance": 1}, "'distance' must be str, got 1"),
