@@ -12,9 +12,12 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
+from config.library import UnknownNameError
 from drivers.clock import Clock, SystemClock
+from missions.library.shipped import find_mission
 from missions.service.pipes import Pipes
 from missions.service.task import Claim, Outcome, Task
 
@@ -36,10 +39,16 @@ RUN = (sys.executable, "-m", "missions", "run")
 
 
 def arguments_of(task: Task) -> list[str]:
-    """Return the words behind `mission run` for a task."""
+    """Return the words behind `mission run` for a task.
+
+    A name of the library becomes its path: a file of that name in the server's folder would go before it.
+    """
+    mission = task.mission
+    with suppress(UnknownNameError):
+        mission = str(find_mission(mission, Path(os.devnull)))  # nothing is beside in what is no folder
     params = [f"--param={name}={value}" for name, value in task.params.items()]
     robot = [f"--robot={task.robot}"] if task.robot else []
-    return [*params, *robot, *task.options, "--", task.mission]
+    return [*params, *robot, *task.options, "--", mission]
 
 
 class Child:

@@ -10,6 +10,7 @@ from typing import NoReturn
 
 import pytest
 
+from missions.library.shipped import shipped_missions
 from missions.service.lock import is_locked, locked
 from missions.service.task import Claim, How, Outcome, Task
 from missions.service.work import Child, arguments_of
@@ -58,6 +59,15 @@ def test_a_run_is_told_its_mission_its_params_and_its_robot() -> None:
     )
     words = ["--param=to=Ana=1", "--param=x=--simulate", "--robot=r.yaml", "--eyes=truth", "--", "-odd.yaml"]
     assert arguments_of(task.task) == words
+
+
+def test_a_task_runs_the_mission_of_the_library_whatever_lies_beside_its_server(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "greet.yaml").write_text("mission: greet\ntree: stop\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert arguments_of(claim(mission="greet").task)[-1] == str(shipped_missions()["greet"])
+    assert arguments_of(claim(mission="square").task)[-1] == str(shipped_missions()["motions/square"])
 
 
 @pytest.mark.parametrize("how", ["success", "failure", "interrupted", "error"])
