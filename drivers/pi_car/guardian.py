@@ -34,37 +34,10 @@ def main(told: str) -> int:
     """Hold what ``told`` (JSON) is about, until the standard input ends; return the exit code."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
         signal.signal(number, signal.SIG_IGN)
-    try:
-        with notification_folder():
-            return hold(told)
-    except OSError as error:  # of the folder: nothing is held
-        return complain(error)
-
-
-@contextmanager
-def notification_folder() -> Iterator[None]:
-    """Have lgpio write its notification files into a private folder, for as long as this process lasts.
-
-    Else it takes the current folder, and has no pins where that is read-only. It looks for the folder as it is
-    imported: by LG_WD, and in old versions partly in the current one.
-    """
-    chosen, before = os.environ.get("LG_WD"), Path.cwd()
-    with TemporaryDirectory(prefix="missiontree-lgpio-", ignore_cleanup_errors=True) as own:
-        os.environ["LG_WD"] = chosen or own
-        os.chdir(chosen or own)
-        try:
-            yield
-        finally:
-            os.chdir(before)
-            if chosen is None:
-                del os.environ["LG_WD"]
-
-
-def hold(told: str) -> int:
-    """Hold what ``told`` (JSON) is about, until the standard input ends; return the exit code."""
     clock = SystemClock()
     try:
-        held = hands(json.loads(told))
+        with notification_folder():
+            held = hands(json.loads(told))
         keeper = Keeper(held, 1 + int.from_bytes(os.urandom(2)) % 32000, clock.now())
     except Exception as error:
         return complain(error)
@@ -77,6 +50,29 @@ def hold(told: str) -> int:
     if unrested is not None:
         return complain(RuntimeError(f"the actuators perhaps do not rest: {type(unrested).__name__}: {unrested}"))
     return 0 if why is None else complain(why)
+
+
+@contextmanager
+def notification_folder() -> Iterator[None]:
+    """Have lgpio write its notification files into a private folder while it is imported.
+
+    Else it takes the current folder, and has no pins where that is read-only. The folder is removed at once: lgpio has
+    its file open by then, and a guardian that is killed leaves nothing.
+    """
+    chosen = os.environ.get("LG_WD")
+    try:
+        before = Path.cwd()
+    except OSError:  # it was removed
+        before = Path("/")
+    with TemporaryDirectory(prefix="missiontree-lgpio-", ignore_cleanup_errors=True) as own:
+        os.environ["LG_WD"] = chosen or own
+        os.chdir(chosen or own)
+        try:
+            yield
+        finally:
+            os.chdir(before)
+            if chosen is None:
+                del os.environ["LG_WD"]
 
 
 def _unrested(keeper: Keeper, clock: SystemClock) -> Exception | None:
