@@ -28,6 +28,7 @@ class ForeignFile(NamedTuple):
 Data = Mapping[str, Any]
 
 _RECORD = "record the movement by hand: mission servo record NAME --robot FILE"
+_PLAY = "mission servo play {0} --robot FILE --dry-run"
 _IMPORT = "mission servo import {0} -o my_robot.yaml"
 _UNUSED = "nothing here reads it"
 _JOINTS = "nothing here reads it; `mission robot new` makes a robot file of the servos that are plugged in"
@@ -71,7 +72,6 @@ _MAGIC: tuple[tuple[int, bytes, str, str], ...] = (
 
 _TEXTS: tuple[tuple[str, str, str], ...] = (
     (r"\A\s*HIERARCHY\s+ROOT\b", "a motion capture file (BVH)", _RECORD),
-    (r"^\s*(type=motion|page_begin)\s*$", "a motion file of RoboPlus (Bioloid, .mtn)", _RECORD),
     (r"<Root\b[^>]*\btype=.[Mm]otion", "a motion file of RoboPlus 2.0 (.mtnx)", _RECORD),
     (r"<ChoregrapheProject\b|choregraphe/project", "a behaviour of Choregraphe (NAO, Pepper)", _RECORD),
     (r"<robot\b[\s\S]*<(group|group_state|disable_collisions|end_effector)\b", "a SRDF file of MoveIt", _JOINTS),
@@ -108,6 +108,8 @@ def foreign_file(path: Path) -> ForeignFile | None:
         if data[place:].startswith(magic):
             return ForeignFile(what, use)
     text = data.decode("utf-8-sig", errors="replace")
+    if re.search(r"^\s*(type=motion|page_begin)\s*$", text, re.MULTILINE):
+        return ForeignFile("a motion file of RoboPlus (Bioloid, .mtn)", _PLAY, "roboplus")
     for pattern, what, use in _TEXTS:
         if re.search(pattern, text, re.MULTILINE):
             return ForeignFile(what, use)
@@ -200,7 +202,7 @@ _SHAPES: tuple[tuple[Callable[[Data], bool], ForeignFile], ...] = (
     (_each_has("id", "homing_offset", "range_min", "range_max"), ForeignFile(
         "a calibration of LeRobot's", f"write calibration: {{0}} in a robot file, or {_IMPORT}", "lerobot")),
     (_has("framerate", "positions"), ForeignFile(
-        "a move of pypot (Poppy)", "mission servo play {0} --robot FILE --dry-run", "pypot")),
+        "a move of pypot (Poppy)", _PLAY, "pypot")),
     (_has("controllers", "motorgroups", "motors"), ForeignFile("a robot configuration of pypot (Poppy)", _JOINTS)),
     (_some_has("motor", "motor_master", "joint_name"), ForeignFile(
         "a file of dynamixel_controllers (ROS)", _IMPORT, "ros")),
@@ -208,7 +210,9 @@ _SHAPES: tuple[tuple[Callable[[Data], bool], ForeignFile], ...] = (
     (_within("motors", _each_has("ID")), ForeignFile("a file of an Interbotix arm (ROS)", _IMPORT, "interbotix")),
     (_each_has("ID"), ForeignFile("a file of dynamixel_workbench (ROS)", _IMPORT, "workbench")),
     (_is_motion, ForeignFile(
-        "a movement of dynamixel_workbench (ROS)", "mission servo play {0} --robot FILE --dry-run", "motion")),
+        "a movement of dynamixel_workbench (ROS)", _PLAY, "motion")),
+    (_has("serial_ports"), ForeignFile("ports of the servo manager of dynamixel_controllers (ROS)", _UNUSED)),
+    (_has("_target_"), ForeignFile("a configuration of LeRobot's", _UNUSED)),
     (_some_has("ros__parameters"), ForeignFile("a parameter file of ROS 2", _JOINTS)),
     (_has("joint_limits"), ForeignFile("joint limits of MoveIt", _JOINTS)),
     (_some_has("kinematics_solver"), ForeignFile("kinematics of MoveIt", _UNUSED)),

@@ -171,8 +171,11 @@ BEGINNING = 65_536
 """Bytes in which the keys are looked for."""
 
 
-PLAYED = ("pypot", "motion")
+PLAYED = ("pypot", "motion", "roboplus")
 """The forms of other programs' files that are movements."""
+
+CALIBRATIONS = ("lerobot",)
+"""The forms of those that say how servos were calibrated."""
 
 
 def wrong_kind(asked: str, path: Path) -> str:
@@ -194,8 +197,8 @@ def _foreign(asked: str, path: Path) -> str:
         return ""
     found = foreign_file(path)
     if found is not None:
-        played = asked == "moves" and found.form in PLAYED
-        return "" if played else f"{path} is {found.what}: {found.use.format(path)}"
+        meant = found.form in {"moves": PLAYED, "calibrations": CALIBRATIONS}.get(asked, ())
+        return "" if meant else f"{path} is {found.what}: {found.use.format(path)}"
     if path.is_dir() or path.suffix.lower() in (*SUFFIXES, ".json") or isinstance(plain_data(path), Mapping):
         return ""
     sheet = f"a table of a movement has to end in {', '.join(SHEETS)}" if asked == "moves" else "see `mission --help`"

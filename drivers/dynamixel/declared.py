@@ -19,6 +19,7 @@ from drivers.api.joints import JointLimits
 from drivers.api.keys import Mistake, key, keys
 from drivers.api.sections import ArmKeys, AxisKeys, HeadKeys, Wired
 from drivers.dynamixel.models import MODELS, Model
+from drivers.dynamixel.pairs import second_servos
 from drivers.dynamixel.units import Framing
 
 ALIASES: Mapping[str, str] = {"AX-12": "AX-12A", "AX-12+": "AX-12A"}
@@ -29,9 +30,6 @@ DYNAMIXEL = tuple(name for name, model in MODELS.items() if model.protocol != "S
 
 UNDRIVEN = "others, such as XL-320 and SCS0009, are recognised and set up, but not driven"
 """What is said of a model that is none of those."""
-
-SECOND = frozenset({"mimic", "shadow", "slave", "twin", "mirror", "dual", "secondary"})
-"""Words that say of a joint that it is another one's second servo: `shoulder_mimic`, as in files of ROS."""
 
 REACH = 2.6
 """Radians that a joint without limits may turn either way, if its servo does."""
@@ -145,13 +143,6 @@ class JointKeys:
             yield Mistake(f"'ticks': 'min' and 'max' are both {ticks.min}", ("ticks",))
 
 
-def _second_of(name: str) -> tuple[str, str]:
-    """Return the joint whose second servo a name says that it is, and the word by which it does; empty for none."""
-    words = name.split("_")
-    token = next((word for word in words if word.lower() in SECOND), "")
-    return ("_".join(word for word in words if word != token), token) if token else ("", "")
-
-
 def last_id(model: Model) -> int:
     """Return the highest ID that a servo can have."""
     return 252 if model.protocol == 2 else 253
@@ -204,15 +195,7 @@ class DynamixelKeys(ArmKeys, Wired):
                 message = f"joint '{name}' has id {joint.id}, as '{owner}' has"
                 about = (("joints", name, "id"), ("joints", owner, "id"))
                 yield Mistake(message, ("joints", name), named=True, about=about)
-        for name in self.joints:
-            leader, token = _second_of(name)
-            if leader in self.joints:
-                message = (
-                    f"joints '{leader}' and '{name}' seem to be two servos on one joint, which are not driven here"
-                )
-                hint = f"one would work against the other; if they are two joints, call one without '{token}'"
-                pair = (("joints", name), ("joints", leader))
-                yield Mistake(message, ("joints", name), named=True, hint=hint, about=pair)
+        yield from second_servos(self.joints)
         if len({joint.kind.protocol for joint in self.joints.values()}) > 1:
             for name, joint in self.joints.items():
                 if joint.id == 253:  # it would take every packet of 2.0 for one to itself

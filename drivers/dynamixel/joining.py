@@ -181,16 +181,20 @@ def _narrower(joint: Joint, low: int, high: int) -> str:
 LEROBOT_FILES = "~/.cache/huggingface/lerobot/calibration/robots/NAME/ID.json"
 """Where LeRobot keeps its calibrations."""
 
-CALIBRATED = (
-    "another program has calibrated it, LeRobot perhaps, and needs that: leave it to that program, or give the arm to "
-    "MissionTree with servos that count from their own zero"
-)
-"""What is said of a Dynamixel whose offset a program has set: this driver has no place for one."""
+
+def _calibrated(joint: Joint) -> str:
+    """Return what is said of a Dynamixel whose offset a program has set: this driver has no place for one."""
+    path = _lerobot_file(joint, "homing_offset")
+    who = f"LeRobot has calibrated it ({path})" if path else "another program has calibrated it, LeRobot perhaps,"
+    return (
+        f"{who} and needs its calibration: leave the arm to that program; Dynamixels are driven here that count from "
+        "their own zero"
+    )
 
 
-def _lerobot_file(joint: Joint) -> str:
-    """Return LeRobot's calibration file that the settings of an STS come from; empty without one."""
-    values = (joint.value(name) for name in ("position_offset", "min_position", "max_position"))
+def _lerobot_file(joint: Joint, offset: str = "position_offset") -> str:
+    """Return LeRobot's calibration file that the settings of a servo come from; empty without one."""
+    values = (joint.value(name) for name in (offset, "min_position", "max_position"))
     found = calibration_of({joint.spec.id: Calibrated(*values)})
     return found[0] if found else ""
 
@@ -217,7 +221,7 @@ def _mode_faults(joint: Joint) -> list[Trouble]:
             right = value & ~mask | needed
             cure = _setting(joint, register, right)
             if register in CALIBRATION and "homing_offset" in table and joint.value("homing_offset"):
-                cure = CALIBRATED
+                cure = _calibrated(joint)
             found.append((f"{words} ({register.replace('_', ' ')} {value}, not {right})", cure))
     if "shadow_id" in table and (leader := joint.value("shadow_id")) <= wire2.LAST_ID:
         told = f"obeys what servo {leader} is sent (shadow id {leader}): they are two servos on one joint"

@@ -26,11 +26,8 @@ from drivers.dynamixel.tables import (
     TABLE_X,
     TABLE_X540,
     TABLE_X_CURRENT,
-    TABLE_XC330_M,
-    TABLE_XC330_T,
-    TABLE_XL320,
-    TABLE_XL330,
 )
+from drivers.dynamixel.tables_small import TABLE_XC330_M, TABLE_XC330_T, TABLE_XL320, TABLE_XL330
 from drivers.dynamixel.tables_sts import TABLE_SCS, TABLE_STS
 from drivers.dynamixel.units import RPM, Protocol
 
@@ -263,6 +260,9 @@ _OTHER_X = (
 def _others() -> Iterator[Model]:
     """Yield the models that are recognised, but not driven."""
     yield _named(_model(_XL320, "XL-320", 350, TABLE_XL320, "TTL", 0.39, 114, {}, volts=7.4), "XL-320", 350)
+    yield _named(MODELS["RX-28"], "RX-10", 10)
+    yield _named(MODELS["MX-28"], "MX-12W", 360)
+    yield _named(MODELS["XC330-T288"], "XC335-T332", 1700)
     for table, name, number in _OTHER_X:
         yield _named(_model(_X, name, number, table, "either", 1.0, 30, {}), name, number)
     for number, name in NAMES.items():

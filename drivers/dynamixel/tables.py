@@ -163,7 +163,7 @@ TABLE_MX_PAIR = replace(TABLE_MX_CURRENT, registers=rows(TABLE_MX_CURRENT.regist
 
 # Protocol 2.0 ----------------------------------------------------------------------------------------------------
 
-_GAIN = (0, 16_383)
+GAIN = (0, 16_383)
 _TURNS = (-1_048_575, 1_048_575)  # 256 turns either way in extended position mode
 
 TABLE_X = Table(
@@ -194,13 +194,13 @@ TABLE_X = Table(
         ram("status_return_level", 68, 1, 2, 0, 2),
         present("registered", 69, 1),
         present("hardware_error", 70, 1),
-        ram("velocity_i_gain", 76, 2, 1920, *_GAIN, "1/65536"),
-        ram("velocity_p_gain", 78, 2, 100, *_GAIN, "1/128"),
-        ram("position_d_gain", 80, 2, 0, *_GAIN, "1/16"),
-        ram("position_i_gain", 82, 2, 0, *_GAIN, "1/65536"),
-        ram("position_p_gain", 84, 2, 850, *_GAIN, "1/128"),
-        ram("feedforward_2nd_gain", 88, 2, 0, *_GAIN, "1/4"),
-        ram("feedforward_1st_gain", 90, 2, 0, *_GAIN, "1/4"),
+        ram("velocity_i_gain", 76, 2, 1920, *GAIN, "1/65536"),
+        ram("velocity_p_gain", 78, 2, 100, *GAIN, "1/128"),
+        ram("position_d_gain", 80, 2, 0, *GAIN, "1/16"),
+        ram("position_i_gain", 82, 2, 0, *GAIN, "1/65536"),
+        ram("position_p_gain", 84, 2, 850, *GAIN, "1/128"),
+        ram("feedforward_2nd_gain", 88, 2, 0, *GAIN, "1/4"),
+        ram("feedforward_1st_gain", 90, 2, 0, *GAIN, "1/4"),
         signed(ram("bus_watchdog", 98, 1, 0, 0, 127, "20 ms")),  # reads -1 once it has fired
         signed(ram("goal_pwm", 100, 2, 885, -885, 885, "0.113 %")),
         signed(ram("goal_velocity", 104, 4, 0, -1023, 1023, "0.229 rpm")),
@@ -234,7 +234,7 @@ TABLE_X = Table(
 """XL430: it infers its load from the drive."""
 
 
-def _with_current(table: Table, unit: str, limit: int) -> Table:
+def with_current(table: Table, unit: str, limit: int) -> Table:
     """Return the table of a servo that measures its current, in steps of ``unit``, up to ``limit`` of them."""
     return replace(
         table,
@@ -250,107 +250,17 @@ def _with_current(table: Table, unit: str, limit: int) -> Table:
 
 _ACCELERATION_LIMIT = eeprom("acceleration_limit", 40, 4, 32_767, 0, 32_767, "214.577 rev/min²")
 
-TABLE_X_CURRENT = _with_current(TABLE_X, "2.69 mA", 1193)
+TABLE_X_CURRENT = with_current(TABLE_X, "2.69 mA", 1193)
 """XM430."""
 
-TABLE_X540 = _with_current(TABLE_X, "2.69 mA", 2047)
+TABLE_X540 = with_current(TABLE_X, "2.69 mA", 2047)
 """XM540, and its like."""
 
 TABLE_MX2 = replace(TABLE_X, registers=rows(TABLE_X.registers.values(), _ACCELERATION_LIMIT))
 """MX-28 with the firmware of protocol 2.0."""
 
-TABLE_MX2_64 = _with_current(TABLE_MX2, "3.36 mA", 1941)
+TABLE_MX2_64 = with_current(TABLE_MX2, "3.36 mA", 1941)
 """MX-64 with the firmware of protocol 2.0."""
 
-TABLE_MX2_106 = _with_current(TABLE_MX2, "3.36 mA", 2047)
+TABLE_MX2_106 = with_current(TABLE_MX2, "3.36 mA", 2047)
 """MX-106 with the firmware of protocol 2.0."""
-
-_SMALL = _with_current(TABLE_X, "1 mA", 1750)
-
-TABLE_XL330 = replace(
-    _SMALL,
-    registers=rows(
-        _SMALL.registers.values(),
-        eeprom("temperature_limit", 31, 1, 70, 0, 100, "degC"),
-        eeprom("highest_voltage", 32, 2, 70, 31, 70, "0.1 V"),
-        eeprom("lowest_voltage", 34, 2, 35, 31, 70, "0.1 V"),
-        eeprom("velocity_limit", 44, 4, 445, 0, 2047, "0.229 rpm"),
-        eeprom("pwm_slope", 62, 1, 140, 1, 255, "1.977 mV/ms"),
-        eeprom("shutdown", 63, 1, 53, 0, 63),
-        ram("velocity_i_gain", 76, 2, 1600, *_GAIN, "1/65536"),
-        ram("velocity_p_gain", 78, 2, 180, *_GAIN, "1/128"),
-        ram("position_p_gain", 84, 2, 400, *_GAIN, "1/128"),
-        signed(ram("goal_velocity", 104, 4, 0, -2047, 2047, "0.229 rpm")),
-    ),
-)
-"""XL330, which runs at 5 V."""
-
-_SMALL_COPPER = replace(
-    TABLE_XL330,
-    registers=rows(
-        TABLE_XL330.registers.values(),
-        eeprom("current_limit", 38, 2, 2352, 0, 2352, "1 mA"),
-        eeprom("shutdown", 63, 1, 52, 0, 63),
-        signed(ram("goal_current", 102, 2, 2352, -2352, 2352, "1 mA")),
-    ),
-)
-
-TABLE_XC330_M = _SMALL_COPPER
-"""XC330-M, which run at 5 V."""
-
-TABLE_XC330_T = replace(
-    _SMALL_COPPER,
-    registers=rows(
-        _SMALL_COPPER.registers.values(),
-        eeprom("highest_voltage", 32, 2, 140, 55, 140, "0.1 V"),
-        eeprom("lowest_voltage", 34, 2, 55, 55, 140, "0.1 V"),
-        eeprom("current_limit", 38, 2, 910, 0, 910, "1 mA"),
-        eeprom("pwm_slope", 62, 1, 255, 1, 255, "3.955 mV/ms"),
-        signed(ram("goal_current", 102, 2, 910, -910, 910, "1 mA")),
-    ),
-)
-"""XC330-T, which run at 12 V."""
-
-# Protocol 2.0, another table -------------------------------------------------------------------------------------
-
-TABLE_XL320 = Table(
-    registers=rows(
-        (MODEL_NUMBER, FIRMWARE, replace(ID, upper=252), replace(BAUD, default=3, upper=3), RETURN_DELAY),
-        (CW_ANGLE_LIMIT, CCW_ANGLE_LIMIT),
-        eeprom("control_mode", 11, 1, 2, 1, 2),  # 1 wheel, 2 joint
-        eeprom("temperature_limit", 12, 1, 65, 0, 150, "degC"),
-        eeprom("lowest_voltage", 13, 1, 60, 50, 250, "0.1 V"),
-        eeprom("highest_voltage", 14, 1, 90, 50, 250, "0.1 V"),
-        eeprom("max_torque", 15, 2, 1023, 0, 1023, "1/1023"),
-        eeprom("status_return_level", 17, 1, 2, 0, 2),
-        eeprom("shutdown", 18, 1, 3, 0, 7),  # bit 0 overload, 1 overheating, 2 voltage
-        TORQUE_ENABLE,
-        ram("led", 25, 1, 0, 0, 7),
-        ram("position_d_gain", 27, 1, 0, 0, 254),
-        ram("position_i_gain", 28, 1, 0, 0, 254),
-        ram("position_p_gain", 29, 1, 32, 0, 254),
-        GOAL_POSITION,
-        MOVING_SPEED,
-        ram("torque_limit", 35, 2, 1023, 0, 1023, "1/1023"),
-        present("present_position", 37, 2, "ticks"),
-        present("present_speed", 39, 2, "0.111 rpm", Coding.SIGN_BIT),
-        present("present_load", 41, 2, "1/1023", Coding.SIGN_BIT),
-        present("present_voltage", 45, 1, "0.1 V"),
-        present("present_temperature", 46, 1, "degC"),
-        present("registered", 47, 1),
-        present("moving", 49, 1),
-        present("error_status", 50, 1),  # bits as in shutdown
-        ram("punch", 51, 2, 32, 0, 1023),
-    ),
-    fast=Block(37, 13),
-    slow=(Block(24, 13),),
-    setup=Block(0, 24),
-    goal=GOAL_POSITION.name,
-    speed=MOVING_SPEED.name,
-    velocity=PRESENT_SPEED.name,
-    effort=PRESENT_LOAD.name,
-    torque_limit=TORQUE_LIMIT.name,
-    torque_ceiling=MAX_TORQUE.name,
-    limits=(CW_ANGLE_LIMIT.name, CCW_ANGLE_LIMIT.name),
-)
-"""XL-320: the frames of protocol 2.0, and a table much like that of an AX."""

@@ -1,15 +1,13 @@
 """LeRobot's calibration files on this computer, and those that the settings of a servo come from."""
 
+import json
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from drivers.errors import BadRequest
-from drivers.feetech.calibration import MotorCalibration, load
-
-MAX_FILES = 500
-"""Calibration files that are looked at."""
+MAX_FILES, LARGEST = 500, 100_000
+"""How many calibration files are looked at, and the bytes of one."""
 
 
 class Calibrated(NamedTuple):
@@ -31,25 +29,31 @@ def folder() -> Path:
     return Path(hub).expanduser() / "lerobot" / "calibration"
 
 
-def calibrations() -> Iterator[tuple[Path, Mapping[str, MotorCalibration]]]:
-    """Yield the calibration files that can be read, the newest first."""
+def calibrations() -> Iterator[tuple[Path, Mapping[int, tuple[str, Calibrated]]]]:
+    """Yield the calibration files that can be read, the newest first: names and settings of the motors by ID."""
     try:
-        found = sorted(folder().glob("*/*/*.json"), key=lambda path: -path.stat().st_mtime)[:MAX_FILES]
-    except OSError:
+        files = [path for path in folder().glob("*/*/*.json") if path.is_file() and path.stat().st_size <= LARGEST]
+        files.sort(key=lambda path: -path.stat().st_mtime)
+    except (OSError, RuntimeError):  # no home folder
         return
-    for path in found:
+    for path in files[:MAX_FILES]:
         try:
-            yield path, load(str(path))
-        except BadRequest:
-            continue
+            told = json.loads(path.read_text(encoding="utf-8"))
+            motors = {each["id"]: (name, _settings(each)) for name, each in told.items()}
+        except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            continue  # another file, or an older form
+        yield path, motors
 
 
-def calibration_of(servos: Mapping[int, Calibrated]) -> tuple[str, Mapping[str, MotorCalibration]] | None:
-    """Return the file, and what it says, whose motors have the IDs and settings of all ``servos``; None without one."""
+def _settings(motor: Mapping[str, int]) -> Calibrated:
+    return Calibrated(motor["homing_offset"], motor["range_min"], motor["range_max"])
+
+
+def calibration_of(servos: Mapping[int, Calibrated]) -> tuple[str, Mapping[int, str]] | None:
+    """Return the file whose motors have the settings of all ``servos``, by ID, and their names; None without one."""
     for path, motors in calibrations():
-        told = {each.id: Calibrated(each.homing_offset, each.range_min, each.range_max) for each in motors.values()}
-        if servos and servos.items() <= told.items():
-            return shown(path), motors
+        if servos and all(number in motors and motors[number][1] == held for number, held in servos.items()):
+            return shown(path), {number: motors[number][0] for number in servos}
     return None
 
 

@@ -106,9 +106,9 @@ def test_what_ails_a_servo_is_told(name: str) -> None:
 
 def test_a_model_that_we_do_not_know_is_shown_by_its_number() -> None:
     servo = VirtualServo(4)
-    servo.set("model_number", 360)
+    servo.set("model_number", 361)
     found = one(list(census(wired(servo).bus(), [1_000_000], ids=FEW)))
-    assert (found.number, found.model, found.position) == (360, None, None)
+    assert (found.number, found.model, found.position) == (361, None, None)
     assert not found.garbled
 
 

@@ -6,13 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.dynamixel import tables, tables_sts
+from drivers.dynamixel import tables, tables_small, tables_sts
 from drivers.dynamixel.models import MODELS, Model
 from drivers.dynamixel.register import Block, Coding, Register, Table
 from drivers.errors import BadRequest
 from tests.cases import each
 
-TABLES = {name: table for name, table in (vars(tables) | vars(tables_sts)).items() if isinstance(table, Table)}
+TABLES = {
+    name: table
+    for name, table in (vars(tables) | vars(tables_small) | vars(tables_sts)).items()
+    if isinstance(table, Table)
+}
 EVERY = tuple(TABLES.values())
 WRITABLE = [register for table in EVERY for register in table.registers.values() if register.writable]
 
@@ -118,6 +122,14 @@ def test_what_a_model_differs_in_is_within_its_table(model: Model) -> None:
         ("TABLE_MX2", "acceleration_limit", 40, 4),
         ("TABLE_XL330", "pwm_slope", 62, 1),
         ("TABLE_XL330", "present_current", 126, 2),
+        ("TABLE_XC330_T", "current_limit", 38, 2),
+        ("TABLE_XL320", "id", 3, 1),
+        ("TABLE_XL320", "goal_position", 30, 2),
+        ("TABLE_XL320", "torque_limit", 35, 2),
+        ("TABLE_XL320", "present_position", 37, 2),
+        ("TABLE_SCS", "id", 5, 1),
+        ("TABLE_SCS", "lock", 48, 1),
+        ("TABLE_SCS", "present_position", 56, 2),
         ("TABLE_STS", "model_number", 3, 2),
         ("TABLE_STS", "min_position", 9, 2),
         ("TABLE_STS", "position_offset", 31, 2),

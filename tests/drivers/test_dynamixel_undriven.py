@@ -1,6 +1,8 @@
 """Servos that answer and cannot be driven: each is told with the reason, and with the command that helps."""
 
+import json
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -81,6 +83,22 @@ def test_a_dynamixel_that_lerobot_calibrated_is_left_to_it(make: Make, spoil: Sp
     assert "another program has calibrated it, LeRobot perhaps" in arm.joints.health().hint
     assert "servo set" not in arm.joints.health().hint
     assert servo.limp
+
+
+def test_the_file_of_lerobot_is_named_for_a_dynamixel_too(
+    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HF_LEROBOT_CALIBRATION", str(tmp_path))
+    file = tmp_path / "robots/koch_follower/mine.json"
+    file.parent.mkdir(parents=True)
+    motor = {"id": 2, "drive_mode": 0, "homing_offset": -3023, "range_min": 800, "range_max": 3200}
+    file.write_text(json.dumps({"elbow_flex": motor}))
+    (file.parent / "damaged.json").write_text("{")
+    (file.parent / "list.json").write_text("[1]")
+    servo = VirtualServo(2, model="XL430-W250")
+    setting(operating_mode=4, homing_offset=-3023, min_position=800, max_position=3200)(servo)
+    arm = make({"elbow": JointSpec(2, "XL430-W250", lower=-1.0, upper=1.0)}, servos=VirtualServoBus([servo])).start()
+    assert f"LeRobot has calibrated it ({file})" in arm.joints.health().hint
 
 
 def test_two_servos_with_one_id_are_left_alone_until_one_is_unplugged(make: Make) -> None:

@@ -205,6 +205,49 @@ def test_a_movement_of_dynamixel_workbench_is_played_in_radians(mission: Mission
     assert [(frame.time, frame.positions["elbow"]) for frame in move.keyframes] == [(0.0, 0.5), (1.5, 0.0)]
 
 
+MTN = (
+    b"type=motion\nversion=1.01\nenable=0 1 1 0\npage_begin\nname=Nod \xb1\ncompliance=5 5 5 5\n"
+    b"play_param=0 0 1 2.0 32\nstep=512 300 700 512 0.000 0.500\nstep=512 612 512 512 0.500 2.000\npage_end\n"
+    b"page_begin\nname=\npage_end\n"
+)
+"""A motion of RoboPlus, as a Bioloid has it; not UTF-8."""
+
+
+def test_a_motion_of_roboplus_is_played_by_the_ids_of_its_servos(mission: Mission) -> None:
+    Path("nod.mtn").write_bytes(MTN)
+    Path("bench.yaml").write_text(ARM.replace("{id: 2}", "{id: 2, reverse: true, zero: 10 deg}"))
+    assert mission("servo play nod.mtn --robot bench.yaml --dry-run").code == 0
+    arm = load_robot(Path("bench.yaml")).keys(DynamixelKeys)
+    frames = load_move(Path("nod.mtn"), arm=arm).keyframes
+    assert [frame.time for frame in frames] == [0.0, 1.0, 1.25]
+    tick = degrees(MODELS["AX-12A"].tick)
+    assert [degrees(frame.positions["elbow"]) for frame in frames] == pytest.approx([-212 * tick, *[100 * tick] * 2])
+    assert [degrees(frame.positions["wrist"]) for frame in frames] == pytest.approx([10 - 188 * tick, 10.0, 10.0])
+    told = mission("servo import nod.mtn").err
+    assert "nod.mtn is a motion file of RoboPlus (Bioloid, .mtn): mission servo play nod.mtn" in told
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        (b"enable=0 1 1 0", b"enable=0 1 1 1", "no joint of the arm has the ID 3"),
+        (b"step=512 300", b"step=512 16384", "servo 1, an AX-12A, has no step 16384"),
+        (b"name=\n", b"name=Bow\nstep=1 2 3 4 0 1\n", "it has 2 pages ('Nod \xb1', 'Bow')"),
+        (b"0.000 0.500", b"x y", "could not convert"),
+        (b"0 1 2.0 32", b"0 1 0 32", "played 0 times as fast"),
+        (b"play_param=0 0 1 2.0 32", b"play_param=0", "cannot be understood"),
+    ],
+)
+def test_a_motion_of_roboplus_that_does_not_fit_is_refused(
+    mission: Mission, before: bytes, after: bytes, words: str
+) -> None:
+    Path("nod.mtn").write_bytes(MTN.replace(before, after))
+    Path("bench.yaml").write_text(ARM)
+    outcome = mission("servo play nod.mtn --robot bench.yaml --dry-run")
+    assert outcome.code == 2
+    assert words in outcome.err
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -228,8 +271,6 @@ def test_a_damaged_movement_moves_nothing(mission: Mission, text: str) -> None:
 
 XML = '<?xml version="1.0"?>\n'
 REFUSED = {
-    "nod.mtn": (b"type=motion\nversion=1.01\nenable=0 1 \xff\npage_begin\nname=\xb1\nstep=512 300 0.0 0.3\npage_end\n",
-                "a motion file of RoboPlus"),
     "nod.mtnx": (f'{XML}<Root type="Motion" version="2"></Root>'.encode(), "RoboPlus 2.0"),
     "arm.urdf": (f'{XML}<robot name="a"><link name="b"/><joint name="c" type="fixed"/></robot>'.encode(), "URDF"),
     "arm.urdf.xacro": (f'{XML}<robot xmlns:xacro="http://ros.org/wiki/xacro" name="a"/>'.encode(), "xacro"),
@@ -279,6 +320,16 @@ def test_any_other_file_is_refused_with_one_line_that_names_it(mission: Mission,
         (told,) = (each for each in outcome.err.splitlines() if name in each)
         assert what in told, line
         assert outcome.out == "", line
+
+
+@pytest.mark.parametrize("name", ["nod.mtnx", "arm.urdf", "old.json", "poppy.json", "arm.png", "fd.txt"])
+def test_no_other_file_is_restored_into_servos(mission: Mission, name: str) -> None:
+    content, what = REFUSED[name]
+    Path(name).write_bytes(content)
+    outcome = mission(f"servo home --restore --into {name} --robot so101 --simulate --yes")
+    assert outcome.code == 2
+    assert what in outcome.err.splitlines()[-1]
+    assert Path(name).read_bytes() == content
 
 
 def test_a_folder_with_a_dataset_is_named(mission: Mission) -> None:

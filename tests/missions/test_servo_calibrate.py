@@ -178,7 +178,7 @@ def test_its_joints_are_added_to_an_arm_and_all_else_stays(robot: Three, mission
         ("arm.yaml -o new.yaml --into three.yaml", "give one of them"),
         ("arm.yaml --model AX-12B", "did you mean 'AX-12"),
         (f"arm.yaml --into {find('robots', 'turtlebot2_arm')}", "ships with MissionTree"),
-        ("three.yaml", "three.yaml:2:"),
+        ("three.yaml", "three.yaml is a robot: "),
     ],
 )
 def test_what_cannot_be_imported_is_said_in_words(robot: Three, mission: Mission, arguments: str, words: str) -> None:

@@ -26,19 +26,18 @@ def take_calibration(talk: Dialogue, arm: str, part: Part, path: str, *, patienc
     found = calibration_of(held) if held else None
     if found is None:
         return
-    file, motors = found
+    file, names = found
     question = f"LeRobot has calibrated the {arm} ({file}): shall its calibration be used?"
     if not talk.confirm(f"{arm} calibration", question, default=True):
         return
     known = {joint["id"]: joint for joint in part.section.get("joints", {}).values()}
     part.section["joints"] = {
-        name: {"id": motor.id} | {key: it for key, it in known.get(motor.id, {}).items() if key not in FROM_FILE}
-        for name, motor in motors.items()
-        if motor.id in held
+        name: {"id": number} | {key: it for key, it in known.get(number, {}).items() if key not in FROM_FILE}
+        for number, name in names.items()
     }
     part.section = {"calibration": file, **part.section}
     groups = part.section.get("groups", {})
-    if not all(joint in motors for group in groups.values() for joint in group):
+    if not all(joint in names.values() for group in groups.values() for joint in group):
         del part.section["groups"]
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from config.library import wrong_kind
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
 from drivers.dynamixel.settings import Change, apply, planned
@@ -109,12 +110,9 @@ def home(
     arm = target.keys
     if not isinstance(arm, FeetechKeys):
         raise click.UsageError("the robot has no Feetech servos: mission servo calibrate  finds the limits of others")
-    path = into or arm.calibration
-    if not path:
-        raise click.UsageError("where is the calibration to be kept? --into so101.json")
+    file = _file(into or arm.calibration)
     if not yes and not sys.stdin.isatty():
         raise click.UsageError("this writes the EEPROM: add --yes, or confirm it at a terminal")
-    file = Path(path).expanduser()
     if restore:
         with opened_bus(target) as bench:
             return _restore(bench, file, bench.chosen(joints), yes=yes, other_servos=other_servos)
@@ -122,7 +120,7 @@ def home(
     for each in (file, origin_file(file)):
         check_writable(each, "--into")
     origin.load(file)  # before anything goes limp: where it cannot be read, the origins of other joints would be lost
-    kept = dict(load(path)) if file.exists() else {}
+    kept = dict(load(str(file))) if file.exists() else {}
     with opened_bus(target) as bench:
         found = _turned(bench, bench.chosen(joints), endless, seconds, yes=yes)
         click.echo(_table(found, radians(margin)))
@@ -142,6 +140,16 @@ def home(
     if not arm.calibration:
         click.echo(f"the robot file is to say calibration: {file.absolute()}")
     return SUCCESS
+
+
+def _file(path: str) -> Path:
+    """Return the calibration file. Raises click.UsageError where none is named, and for a file of another kind."""
+    if not path:
+        raise click.UsageError("where is the calibration to be kept? --into so101.json")
+    file = Path(path).expanduser()
+    if wrong := wrong_kind("calibrations", file):
+        raise click.UsageError(wrong)
+    return file
 
 
 def _restore(bench: Bench, file: Path, joints: Sequence[Joint], *, yes: bool, other_servos: bool) -> int:

@@ -31,7 +31,7 @@ def load_move(path: Path, *, rate: float | None = None, arm: ArmKeys | None = No
         return played(sheet, _of_headings(sheet, path, arm), rate=rate, arm=arm)
     foreign = None if kinds_of(path) else foreign_file(path)
     if foreign is not None and foreign.form in PLAYED:
-        sheet = sheet_of(path, foreign.form)
+        sheet = sheet_of(path, foreign.form, arm)
         return played(sheet, _of_headings(sheet, path, arm, in_degrees=foreign.form == "pypot"), rate=None, arm=arm)
     source = read_source(path)
     if not is_move(source):
