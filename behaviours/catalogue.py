@@ -89,9 +89,13 @@ PLACES: Mapping[str, str] = {
 
 
 class Catalogue(Mapping[str, type[Leaf]]):
-    """The leaves at ``places``, by their words and in that order, then ``others`` that need not be imported."""
+    """The leaves at ``places``, by their words and in that order, then ``others`` that need not be imported.
+
+    ``skipped`` are the files and packages that could have had more, and could not be loaded.
+    """
 
     def __init__(self, places: Mapping[str, str], others: Mapping[str, type[Leaf]] = MappingProxyType({})) -> None:
+        self.skipped: list[str] = []
         self._places = places
         self._others = others
 

@@ -239,7 +239,12 @@ def _check_together(read: Mapping[str, Fields | None], sections: Mapping[str, Se
         if port and (first := ports.setdefault(port, kind)) != kind:
             note_mistakes(fields, [Mistake(f"port {port} is that of '{first}'", ("port",))])
         if driver.check is not None:
-            note_mistakes(fields, driver.check(section.keys, keys))
+            try:
+                mistakes = list(driver.check(section.keys, keys))
+            except Exception as error:  # of a driver from outside, whatever it is
+                about = f"the driver '{driver.name}' cannot check this: {type(error).__name__}"
+                mistakes = [Mistake(about, ("driver",))]
+            note_mistakes(fields, mistakes)
         elif lacking := [need for need in driver.needs if need not in sections]:
             told = f"'driver: {driver.name}' is made of the {' and the '.join(lacking)}, which this robot does not have"
             fields.fault(fields.node.mark, told)

@@ -301,5 +301,5 @@ def load(order: RunRequest, robot: RobotConfig | Robot | None) -> Plan:
         params=order.params,
         complete=True,
         robot=target_of_parts(robot) if isinstance(robot, Robot) else None if robot is None else target_of(robot),
-        leaves=vocabulary(behaviour_files(order.mission, order.behaviours)),
+        leaves=vocabulary(behaviour_files(order.mission, order.behaviours), order.behaviours),
     )

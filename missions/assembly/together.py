@@ -17,6 +17,7 @@ from drivers.api.sections import ArmKeys
 from drivers.clock import Clock, SystemClock
 from drivers.errors import BadRequest
 from missions.library.interests import Interests
+from missions.library.trial import problem_of_name, said
 from perception.api import Frame, Gaze, View
 
 if TYPE_CHECKING:
@@ -131,10 +132,13 @@ def made_by(name: str, section: Section, what: str) -> Callable[..., Any]:
     part = f"{section.part}: the driver '{driver.name}'"
     if not name:
         raise BadRequest(f"{part} has no {what}", hint="its author can declare one: docs/drivers.md")
+    outside = not name.startswith("drivers.")
+    if outside and (problem := problem_of_name(name)):
+        raise BadRequest(f"{part} has a wrong {what}, {name}: {problem.message}", hint="tell its author")
     try:
         found: Callable[..., Any] = resolved(name)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise BadRequest(f"{part} has a wrong {what}, {name}: {error}", hint="tell its author") from error
+    except Exception as error:
+        raise BadRequest(f"{part} has a wrong {what}, {name}: {said(error)}", hint="tell its author") from error
     return found
 
 

@@ -27,7 +27,7 @@ from missions.library.vocabulary import vocabulary
 @behaviours_option
 def command(name: str | None, as_json: bool, files: tuple[Path, ...]) -> None:
     """Say what each behaviour does, its arguments with units and defaults, and what it claims."""
-    leaves = vocabulary(own_files(files))
+    leaves = vocabulary(own_files(files), files)
     if name is not None and name not in leaves:
         known = _known()
         if name in known:

@@ -138,7 +138,7 @@ def leaves_for(given: Sequence[Path]) -> Callable[[str], Mapping[str, type[Leaf]
         files = tuple(behaviour_files(name, given))
         if files not in known:
             tell_found(files, given)
-            known[files] = vocabulary(files)
+            known[files] = vocabulary(files, given)
         return known[files]
 
     return leaves

@@ -53,7 +53,7 @@ def command(
     elif kind != "missions":
         schema = file_schema(kind)
     else:
-        schema = mission_schema(vocabulary(own_files(files)), known_things())
+        schema = mission_schema(vocabulary(own_files(files), files), known_things())
     _write(json.dumps(schema, indent=1, ensure_ascii=False), output)
 
 

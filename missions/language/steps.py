@@ -205,7 +205,8 @@ def _unknown(notes: Notes, key: Scalar, what: str, *, alone: bool) -> None:
     else:
         hint = _as_mission(notes, key.text, alone=alone)
         hint = hint or word_meant(key.text, notes.leaves, composites, beside, alone=alone)
-        hint = hint or LISTED
+        skipped = getattr(notes.leaves, "skipped", ())
+        hint = hint or (f"it may be defined by what could not be loaded: {', '.join(skipped)}" if skipped else LISTED)
     notes.fault(key.mark, f"unknown {what} {seen(key.text)}", hint, sure=True)
 
 

@@ -5,12 +5,14 @@ with the name ``rover``, and names a ``drivers.api.driver.Driver``. They are loo
 that the house does not have, or where all are told; what is wrong with one concerns nobody who does not use it.
 """
 
+import sys
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import redirect_stdout
 from dataclasses import replace
 from functools import cached_property
 from inspect import get_annotations
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from config import robot
 from config.faults import Source
@@ -22,6 +24,7 @@ from drivers.api.kinds import KINDS
 from drivers.api.sections import ArmKeys
 from drivers.table import HOUSE
 from missions.library.offers import offered
+from missions.library.trial import problem_of_entry_point, said, shown
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -85,18 +88,23 @@ def _loaded(points: Sequence["EntryPoint"]) -> Driver:
     told = _told(point)
     if others:
         raise BrokenDriver(f"{' and '.join(map(_told, points))} have one name: uninstall one of them")
+    if trial := problem_of_entry_point(point):
+        raise BrokenDriver(f"{told} {trial.message}")
     try:
-        found: object = point.load()
-    except BaseException as error:
-        if isinstance(error, KeyboardInterrupt):
-            raise
-        said = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-        raise BrokenDriver(f"{told} cannot be imported: {said}") from error
-    if not isinstance(found, Driver):
-        raise BrokenDriver(f"{told} is no drivers.api.driver.Driver, but {found!r:.60}")
-    if problem := _problem(point.name, found):
+        with redirect_stdout(sys.stderr):  # what it prints is no part of an answer
+            found: Any = point.load()
+    except Exception as error:
+        raise BrokenDriver(f"{told} cannot be imported: {said(error)}") from error
+    if not issubclass(type(found), Driver):
+        raise BrokenDriver(f"{told} is no drivers.api.driver.Driver, but {shown(found)}")
+    try:
+        problem = _problem(point.name, found)
+    except Exception as error:
+        problem = f"cannot be examined: {said(error)}"
+    if problem:
         raise BrokenDriver(f"{told} {problem}")
-    return found
+    declared_by: Driver = found
+    return declared_by
 
 
 def _problem(name: str, driver: Driver) -> str:

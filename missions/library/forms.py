@@ -14,12 +14,12 @@ from missions.library.vocabulary import vocabulary
 
 def load_with_own(name: str) -> Plan:
     """Return a mission, with the leaves in files beside it. Raises InvalidFileError or UnknownNameError."""
-    return load_mission(name, leaves=vocabulary(behaviour_files(name)))
+    return load_mission(name, leaves=vocabulary(behaviour_files(name), given=()))
 
 
 def params_of(name: str) -> list[dict[str, object]]:
     """Return the params of a mission as a form has them. Raises InvalidFileError or UnknownNameError."""
-    leaves = vocabulary(behaviour_files(name))
+    leaves = vocabulary(behaviour_files(name), given=())
     return [_param(each) for each in declared_params(find_mission(name), leaves, THINGS).values()]
 
 

@@ -9,9 +9,9 @@ import ast
 import inspect
 import re
 import sys
-import traceback
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
+from contextlib import redirect_stdout
+from functools import lru_cache, partial
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -31,6 +31,7 @@ from missions.language.nodes import BRANCHES, MODIFIERS
 from missions.language.steps import BESIDE
 from missions.library.catalogue import WRITTEN
 from missions.library.offers import offered
+from missions.library.trial import place_in, problem_of_entry_point, problem_of_file, said, shown
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -83,31 +84,50 @@ def found_beside(mission: Path) -> list[Path]:
     return [path for path in sorted(folder.glob("*.py")) if not path.name.startswith("_")]
 
 
-def vocabulary(files: Iterable[Path] = ()) -> Mapping[str, type[Leaf]]:
-    """Return every leaf by its word. Raises InvalidFileError with all that is wrong with those that are not ours."""
+def vocabulary(files: Iterable[Path] = (), given: Iterable[Path] | None = None) -> Mapping[str, type[Leaf]]:
+    """Return every leaf by its word.
+
+    Raises InvalidFileError with all that is wrong with the ``files`` that the user has ``given`` (all, if None).
+    Others, and installed packages, that cannot be loaded are skipped and named in a warning: missions that do not use
+    them go on.
+    """
     own, faults = dict[str, type[Leaf]](), list[Diagnostic]()
     leaves = Catalogue(PLACES, own)
-    files = {path.resolve(): path for path in files}.values()
-    for read in [
-        *(partial(_from_entry_point, point) for point in offered(GROUP)),
-        *(partial(_from_file, path) for path in files),
+    files = {path.resolve(): path for path in files}
+    needed = files.keys() if given is None else {path.resolve() for path in given}
+    for read, is_needed in [
+        *((partial(_from_entry_point, point), False) for point in offered(GROUP)),
+        *((partial(_from_file, path), where in needed) for where, path in files.items()),
     ]:
+        wrong = list[Diagnostic]()
         try:
             offer = read()
         except InvalidFileError as error:
-            faults += error.faults
-            continue
-        for cls in offer.classes:
-            try:
-                leaf = cls if issubclass(cls, Leaf) else leaf_of(cls)
-                _examine(leaf, leaves)
-            except (TypeError, NameError) as error:  # NameError: an annotation that means nothing
-                faults.append(Diagnostic(offer.source, offer.mark(cls), str(error)))
-            else:
-                own[leaf.word] = leaf
+            wrong += error.faults
+        else:
+            for cls in offer.classes:
+                try:
+                    leaf = cls if issubclass(cls, Leaf) else leaf_of(cls)
+                    _examine(leaf, leaves)
+                except Exception as error:
+                    words = str(error) if isinstance(error, TypeError) else said(error)
+                    wrong.append(Diagnostic(offer.source, offer.mark(cls), words))
+                else:
+                    own[leaf.word] = leaf
+        if is_needed:
+            faults += wrong
+        elif wrong:
+            leaves.skipped.append(wrong[0].source.name)
+            _warn("\n".join(map(str, wrong)))
     if faults:
         raise InvalidFileError(faults)
     return leaves
+
+
+@lru_cache(maxsize=256)
+def _warn(words: str) -> None:
+    """Warn of what is skipped, once in this process."""
+    sys.stderr.write(f"skipped: {words}\n")
 
 
 def _examine(leaf: type[Leaf], leaves: Mapping[str, type[Leaf]]) -> None:
@@ -140,34 +160,38 @@ def _from_entry_point(point: "EntryPoint") -> Offer:
     """Import what an entry point names. Raises InvalidFileError when that cannot be."""
     package = f" of {point.dist.name}" if point.dist is not None else ""
     source = Source(f"entry point {point.name} = {point.value}{package}", "")
+    hint = f"repair or uninstall {point.dist.name}" if point.dist is not None else ""
+    if problem := problem_of_entry_point(point):
+        raise InvalidFileError([Diagnostic(source, Mark(), problem.message, hint)])
     try:
-        found: object = point.load()
-    except BaseException as error:
-        if isinstance(error, KeyboardInterrupt):
-            raise
-        hint = f"repair or uninstall {point.dist.name}" if point.dist is not None else ""
-        raise InvalidFileError([Diagnostic(source, Mark(), f"cannot be imported: {_said(error)}", hint)]) from error
+        with redirect_stdout(sys.stderr):  # what it prints is no part of an answer
+            found: object = point.load()
+    except Exception as error:
+        raise InvalidFileError([Diagnostic(source, Mark(), f"cannot be imported: {said(error)}", hint)]) from error
     if isinstance(found, ModuleType):
         return _of_module(found, source)
     if isinstance(found, type) and issubclass(found, Behaviour):
         return Offer(source, [found])
-    raise InvalidFileError([Diagnostic(source, Mark(), f"names neither a behaviour nor a module, but {found!r:.60}")])
+    raise InvalidFileError([Diagnostic(source, Mark(), f"names neither a behaviour nor a module, but {shown(found)}")])
 
 
 def _from_file(path: Path) -> Offer:
     """Run a file of Python as a module of its own. Raises InvalidFileError when it raises, or has no leaves in it."""
     source = read_source(path)
+    if problem := problem_of_file(path):
+        mark = Mark(problem.line or 1, problem.column)
+        raise InvalidFileError([Diagnostic(source, mark, problem.message)])
     module = ModuleType(PREFIX + path.stem)
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # where dataclasses and the like look a class's module up
     try:
         # Compiled here, so that nothing is written beside the user's file.
-        exec(compile(source.text, str(path), "exec"), vars(module))  # noqa: S102 - running it is what was asked for
-    except BaseException as error:
+        with redirect_stdout(sys.stderr):
+            exec(compile(source.text, str(path), "exec"), vars(module))  # noqa: S102 - running it is what was asked for
+    except Exception as error:
         del sys.modules[module.__name__]
-        if isinstance(error, KeyboardInterrupt):
-            raise
-        fault = Diagnostic(source, _place(error, path), f"cannot be imported: {_said(error)}")
+        line, column = place_in(error, str(path))
+        fault = Diagnostic(source, Mark(line or 1, column), f"cannot be imported: {said(error)}")
         raise InvalidFileError([fault]) from error
     return _of_module(module, source)
 
@@ -176,7 +200,7 @@ def _of_module(module: ModuleType, source: Source) -> Offer:
     found = [
         cls
         for name, cls in vars(module).items()
-        if isinstance(cls, type) and cls.__module__ == module.__name__ and not name.startswith("_")
+        if issubclass(type(cls), type) and cls.__module__ == module.__name__ and not name.startswith("_")
         if issubclass(cls, Behaviour) and not inspect.isabstract(cls)
         if (cls.word if issubclass(cls, Leaf) else not issubclass(cls, Node))
     ]
@@ -184,16 +208,3 @@ def _of_module(module: ModuleType, source: Source) -> Offer:
         hint = "write a class that extends behaviours.leaf.Leaf and has a `word`, or a py_trees behaviour"
         raise InvalidFileError([Diagnostic(source, Mark(), "there is no behaviour in it", hint)])
     return Offer(source, list(dict.fromkeys(found)))
-
-
-def _place(error: BaseException, path: Path) -> Mark:
-    """Return the line of the file at which an error came up."""
-    if isinstance(error, SyntaxError) and error.filename == str(path):
-        return Mark(error.lineno or 1, error.offset or 1)
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
-    return Mark(lines[-1] or 1) if lines else Mark()
-
-
-def _said(error: BaseException) -> str:
-    words = error.msg if isinstance(error, SyntaxError) else str(error)
-    return f"{type(error).__name__}: {words}" if words else type(error).__name__

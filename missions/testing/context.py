@@ -97,9 +97,9 @@ class Context:
             mission = str(find_mission(told.tests, folder)) if told.tests else ""
         except UnknownNameError as error:
             fields.fault((fields.node_of("tests") or fields.node).mark, str(error))
-        files = behaviour_files(mission, files) if mission else files
+        found = behaviour_files(mission, files) if mission else files
         own = DefaultsKeys() if folder.resolve().is_relative_to(HERE) else load_defaults()
-        return cls(folder, mission, tuple(files), vocabulary(files), own.robot or None, own.world or None)
+        return cls(folder, mission, tuple(found), vocabulary(found, files), own.robot or None, own.world or None)
 
     def setting(self, fields: Fields, told: CommonKeys) -> Setting:
         """Return where a case plays, and check its mission with that robot and those params."""
