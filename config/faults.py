@@ -117,16 +117,66 @@ def _pasted(fault: Diagnostic) -> str:
 def closest(word: str, known: Iterable[str]) -> str:
     """Return the known word that may be meant by ``word``, or the empty string.
 
-    A short word has to be its beginning, or one slip away: of "dance", "race" has more than half the letters.
+    A short word has to be its beginning, or one slip away: of "dance", "race" has more than half the letters. A word
+    that says the opposite is never meant.
     """
-    spelt = {each.lower(): each for each in known}
     meant = word.lower()
+    spelt = {each.lower(): each for each in known if not opposite(meant, each.lower())}
     if len(meant) > SHORT:
         close = get_close_matches(meant, spelt, n=1, cutoff=0.6)
     else:
         like = [each for each in spelt if one_slip(meant, each) or each.startswith(meant)]
         close = get_close_matches(meant, like, n=1, cutoff=0.51)
     return spelt[close[0]] if close else ""
+
+
+NEGATIONS = frozenset({"not", "no", "non", "never", "without", "isnt"})
+NEGATING = ("un", "in", "im", "dis", "de", "non", "not", "no", "anti", "counter")
+
+OPPOSITES = [
+    frozenset(words.split())
+    for words in (
+        "left right",
+        "up down",
+        "upper lower",
+        "raise lower",
+        "high low",
+        "open close",
+        "opened closed",
+        "on off",
+        "start stop",
+        "begin end",
+        "first last",
+        "min max",
+        "front back",
+        "forward backward back",
+        "forwards backwards",
+        "ahead behind",
+        "before after",
+        "in out",
+        "near far",
+        "success failure",
+        "succeed fail",
+        "hot cold",
+        "full empty",
+        "push pull",
+        "sit stand",
+        "fast slow",
+        "light dark",
+        "all any none",
+    )
+]
+
+
+def opposite(word: str, other: str) -> bool:
+    """Say whether two words differ by a negation, or by parts that are opposites: "undocked" and "docked"."""
+    parts, others = ([part for part in re.split(r"[\W_]+", each) if part] for each in (word, other))
+    here, there = (set(a) - set(b) for a, b in ((parts, others), (others, parts)))
+    if (here | there) & NEGATIONS:
+        return True
+    pairs = [(a, b) for a in here for b in there]
+    negated = any(one == prefix + two for a, b in pairs for one, two in ((a, b), (b, a)) for prefix in NEGATING)
+    return negated or any({a, b} <= words for a, b in pairs for words in OPPOSITES)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -85,7 +85,9 @@ def _with_modifiers(notes: Notes, node: Mapping) -> Step:
             _read_below(notes, value)
             unknown.append(value)
     if not behaviours and all(key.text in MODIFIERS or key.text in BESIDE for key, _ in node.entries):
-        hint = "write it under the behaviour above, without a dash" if node.entries else ""
+        hint = "write it below the behaviour that it is for, without a dash" if node.entries else ""
+        if {key.text for key, _ in node.entries} in ({"delay"}, {"hold"}):
+            hint = "write 'wait' for a step that waits"
         notes.fault(node.mark, "no behaviour here, only what may stand beside one" if node.entries else MISSING, hint)
     for key, _ in behaviours[1:]:
         first = behaviours[0][0].text

@@ -99,9 +99,11 @@ A word itself, of a package perhaps, never means another. Only a word that names
 
 FORMS: Mapping[str, str] = {
     "{succeed: , while: CONDITION}": "condition check check_condition script_condition check_blackboard_variable_value "
+    "check_blackboard_variable_exists "
     "assert require verify",
     "{sequence: [{succeed: , while: CONDITION}, BEHAVIOUR]}": "precondition",
-    "{succeed: , while: CONDITION, retry: forever}": "wait_until wait_for_condition wait_for_blackboard_variable",
+    "{succeed: , while: CONDITION, retry: forever}": "wait_until wait_for_condition wait_for_blackboard_variable "
+    "wait_for_blackboard_variable_value wait_template",
     "{parallel: [BEHAVIOUR, BEHAVIOUR], wait_for_all: true}": "parallel_all concurrence",
     "{reactive_switch: {on: EXPRESSION, cases: {VALUE: BEHAVIOUR}, default: BEHAVIOUR}}": "switch2 switch3 switch4 "
     "switch5 switch6",
@@ -116,7 +118,7 @@ COMPARED = (
     "sequence_with_memory sequence_star run_once throttle rate_limit rate_controller debounce distance_controller "
     "speed_controller pipeline_sequence round_robin simple_parallel do_while do_until repeat_until until_fail "
     "until_failure until_success probability_selector weighted_selector manual_selector status_to_blackboard "
-    "max_failures single_trigger"
+    "max_failures single_trigger pick_up_where_you_left_off"
 )
 """Words of others that nothing here means; the page says what comes near, and where it differs."""
 

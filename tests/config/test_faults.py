@@ -117,3 +117,39 @@ def test_any_letter_may_be_missing_from_a_short_word(word: str, data: st.DataObj
 def test_where_nothing_is_close_all_words_are_listed_once() -> None:
     assert one_of("xyz", ["say", "drive", "say"]) == "known are: drive, say"
     assert one_of("xyz", []) == ""
+
+
+@pytest.mark.parametrize(
+    ("word", "known"),
+    [
+        ("undocked", "docked"),
+        ("discharging", "charging"),
+        ("face.unseen", "face.seen"),
+        ("face_not_seen", "face_seen"),
+        ("no_face_seen", "face_seen"),
+        ("wave_left", "wave_right"),
+        ("arm_up", "arm_down"),
+        ("min_speed", "max_speed"),
+        ("on_failure", "on_success"),
+        ("back_off", "back_on"),
+        ("joint_unloaded", "joint_loaded"),
+        ("anticlockwise", "clockwise"),
+        ("head_forward", "head_backward"),
+    ],
+)
+def test_a_word_is_never_taken_for_its_opposite(word: str, known: str) -> None:
+    assert closest(word, [known]) == closest(known, [word]) == ""
+
+
+@pytest.mark.parametrize(
+    ("slip", "known"),
+    [
+        ("turn_lef", "turn_left"),
+        ("max_sped", "max_speed"),
+        ("baterry", "battery"),
+        ("knob", "knobs"),
+        ("inedx", "index"),
+    ],
+)
+def test_a_slip_in_a_word_with_an_opposite_is_still_meant(slip: str, known: str) -> None:
+    assert closest(slip, [known]) == known

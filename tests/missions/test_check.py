@@ -196,7 +196,7 @@ def test_what_the_checker_and_the_executive_know_is_the_same() -> None:
 # What is wrong
 
 NAMES = "known are: n, patience, x, base, battery, face, head, range"
-WITHOUT_DASH = "write it under the behaviour above, without a dash"
+WITHOUT_DASH = "write it below the behaviour that it is for, without a dash"
 INDENT = "indent it, to stand beside the behaviour above"
 ANGLE = "'turn' needs an angle such as '30 deg'"
 UNITS = "(units: deg, rad)"
@@ -215,6 +215,12 @@ UNITS = "(units: deg, rad)"
         (["- say: Hi", "  xyzzy: 3 s"], "xyzzy", "unknown modifier 'xyzzy'", LISTED),
         # the form of a node
         (["- timeout: 3 s"], "t", "no behaviour here, only what may stand beside one", WITHOUT_DASH),
+        (
+            ["- delay: 3 s"],
+            "d",
+            "no behaviour here, only what may stand beside one",
+            "write 'wait' for a step that waits",
+        ),
         (["- {}"], "{", "a behaviour is missing here", ""),
         (["-"], "", "a behaviour is missing here", ""),
         (["- [say: Hi]"], "[", "a list needs a composite before it", "write 'sequence:' or 'parallel:' above it"),
