@@ -1,6 +1,5 @@
 """``mission place``: the places of a robot's map, by name."""
 
-from contextlib import suppress
 from math import cos, degrees, isfinite, sin
 from threading import Event
 from typing import Any
@@ -115,7 +114,8 @@ def _here(config: RobotConfig, robot: str, router: str | None) -> Frame:
     def heard(kind: str, payload: bytes) -> None:
         try:
             told = types().decode(kind, payload)
-        except Malformed:
+        except Malformed as error:
+            frames.wrong = str(error)
             return
         for each in told.transforms:
             frames.take(each.header.frame_id, each.child_frame_id, each.transform)
@@ -128,6 +128,7 @@ def _here(config: RobotConfig, robot: str, router: str | None) -> Frame:
                 return found
             Event().wait(0.1)  # of a command that only looks
     what = f"{config.name} does not say on /tf where it is: {frames.lacking} is missing"
+    what += f"; malformed: {frames.wrong}" if frames.wrong else ""
     raise NotConnected(what, hint="give --at")
 
 
@@ -137,14 +138,21 @@ class Frames:
     def __init__(self, namespace: str) -> None:
         self._namespace = f"{namespace.strip('/')}/"
         self._above: dict[str, tuple[str, Frame]] = {}
+        self.wrong = ""
+        """The fault of the newest message that could not be used."""
 
     def take(self, frame: str, child: str, told: Any) -> None:
         """Take where ``child`` is in ``frame``, as a Transform; one that was never set is none."""
-        from drivers.ros2.base import yaw  # noqa: PLC0415 - an extra
+        from drivers.ros2.base import FAR, yaw  # noqa: PLC0415 - an extra
 
         above, below = (each.lstrip("/").removeprefix(self._namespace) for each in (frame, child))
-        with suppress(ValueError):
-            self._above[below] = above, (told.translation.x, told.translation.y, yaw(told.rotation))
+        place = told.translation.x, told.translation.y
+        try:
+            if not all(abs(each) < FAR for each in place):
+                raise ValueError(f"its place is {place[0]:g}, {place[1]:g}")
+            self._above[below] = above, (*place, yaw(told.rotation))
+        except ValueError as error:
+            self.wrong = f"{below} in {above}: {error}"
 
     def here(self) -> Frame | None:
         """Return where the robot is on its map; None while no frames lead there."""

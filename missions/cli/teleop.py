@@ -27,8 +27,8 @@ from missions.cli.root import SUCCESS
 from missions.cli.status_line import show_over
 from missions.cli.terminal_line import line_to
 from missions.hands.teleop import FIRST_PAD, keymap, pad
+from missions.hands.teleop.pad_store import keep_taught
 from missions.hands.teleop.pilot import MAX_SHARE, MIN_SHARE, Pilot
-from missions.hands.teleop.taught import keep_taught
 from missions.hands.teleop.teaching import Teacher
 from missions.hands.teleop.turns import drive_by_hand
 from missions.library.drivers import load_robot

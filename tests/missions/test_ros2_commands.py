@@ -3,7 +3,7 @@
 import base64
 import json
 from collections.abc import Callable, Iterator
-from math import pi
+from math import nan, pi
 from pathlib import Path
 from signal import SIGTERM
 from types import SimpleNamespace
@@ -179,6 +179,16 @@ def test_the_frames_of_another_robot_and_those_that_go_round_lead_nowhere() -> N
         frames.take(frame, child, SimpleNamespace(translation=SimpleNamespace(x=0.0, y=0.0), rotation=turned))
     assert frames.here() is None
     assert frames.lacking == "map to odom (is it localised?)"
+
+
+@pytest.mark.parametrize(("x", "w", "why"), [(nan, 1.0, "its place is nan, 0"), (1e9, 1.0, "its place is 1e+09, 0"),
+                                             (0.0, 0.0, "its orientation has the length 0"),
+                                             (0.0, nan, "its orientation has the length 0")])  # fmt: skip
+def test_a_frame_that_is_nowhere_is_no_place_and_named(x: float, w: float, why: str) -> None:
+    frames, turned = Frames("/tb4"), SimpleNamespace(x=0.0, y=0.0, z=0.0, w=w)
+    frames.take("map", "tb4/base_link", SimpleNamespace(translation=SimpleNamespace(x=x, y=0.0), rotation=turned))
+    assert frames.here() is None
+    assert frames.wrong == f"base_link in map: {why}"
 
 
 def test_only_places_that_can_be_read_again_are_written(mission: Mission) -> None:

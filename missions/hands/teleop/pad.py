@@ -15,7 +15,7 @@ from missions.hands.teleop import FIRST_PAD, events
 from missions.hands.teleop.events import Event, Span
 from missions.hands.teleop.keymap import ENABLE, LATCH, Push
 from missions.hands.teleop.layout import UNIDENTIFIED, PadLayout, PadModel, PadState, layout_for
-from missions.hands.teleop.taught import load_taught
+from missions.hands.teleop.pad_store import load_taught
 
 DEAD = 0.1
 """The share of a stick's way around its middle that counts as its middle: none springs back exactly."""
@@ -83,7 +83,7 @@ class Pad:
         return self._ask(self._descriptor)
 
     def axes(self, model: PadModel) -> tuple[dict[int, Span], dict[int, int]]:
-        """Return what the axes of an identified pad measure, and where they are now."""
+        """Return the spans of the axes of an identified pad, and their values now."""
         told = {code: absinfo for code in model.axes if (absinfo := ask_axis(self._descriptor, code))}
         return (
             {code: events.span_of(absinfo) for code, absinfo in told.items()},

@@ -221,6 +221,17 @@ def test_another_type_and_malformed_messages_behind_a_bridge_are_reported(robot:
         return any(words in each.what for each in robot.told)
 
     wait_until(lambda: reported(f"/tb4/odom: malformed message: expected {ODOMETRY}, got {len(text)} bytes"))
+    robot.terminal.token("MP/tb4§note/std_msgs§msg§String/:::10,1")
+    robot.terminal.token("MP/tb4§own/my_msgs§msg§Own/:::10,1")
+
+    def noted(words: str) -> bool:
+        robot.graph.latest("note")
+        robot.graph.latest("own")
+        robot.terminal.put("/tb4/note", b"\0\7\0\0abc")
+        return any(words in each.what for each in robot.told if each.device == "ros2")
+
+    wait_until(lambda: noted(f"/tb4/note: malformed message: expected {STRING}, got 7 bytes"))
+    wait_until(lambda: noted("/tb4/own: malformed message: its type my_msgs/msg/Own is not known here"))
     wrong = robot.terminal.token("MP/tb4§odom/std_msgs§msg§String/:::10,1")
     mismatch = f"/tb4/odom: expected {ODOMETRY}, but a node sends {STRING}"
     wait_until(lambda: mismatch in [each.what for each in robot.told])

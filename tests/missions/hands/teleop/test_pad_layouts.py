@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from drivers.api import DeviceStatus
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import DriverError, NotConnected
-from missions.hands.teleop import events, pad, taught
+from missions.hands.teleop import events, pad, pad_store
 from missions.hands.teleop.beside import Beside
 from missions.hands.teleop.events import Event, Span
 from missions.hands.teleop.keymap import ENABLE, LATCH, Push
 from missions.hands.teleop.layout import D_MODE, STANDARD, Control, PadLayout, PadModel, Stick, layout_for
 from missions.hands.teleop.pad import Pad, find_pad, find_pads
-from missions.hands.teleop.taught import keep_taught, load_taught
+from missions.hands.teleop.pad_store import keep_taught, load_taught
 from missions.hands.teleop.teaching import ANSWER_TIMEOUT, MAX_TRIES, Teacher, TeachingError
 from missions.testing.recorders import RecordedBase
 from tests.missions.command import command
@@ -414,7 +414,7 @@ def test_the_command_teaches_a_pad_and_keeps_it(
     monkeypatch.setattr(Pad, "events", lambda _: mine.events())
     assert command(capsys, "teleop", "--teach-pad", str(node)).code == 0
     assert load_taught() == {STRANGER.key: TAUGHT}
-    assert str(taught.pads_file()) in mine.said[-1]
+    assert str(pad_store.pads_file()) in mine.said[-1]
 
 
 def test_the_command_does_not_guess_which_of_two_pads_is_meant(
@@ -429,7 +429,7 @@ def test_the_command_does_not_guess_which_of_two_pads_is_meant(
     node.write_bytes(b"")
     told = command(capsys, "teleop", "--teach-pad", str(node))
     assert "the kernel does not tell which pad it is" in told.err
-    assert not taught.pads_file().exists()
+    assert not pad_store.pads_file().exists()
 
 
 def test_an_error_of_teaching_is_one_of_a_device() -> None:
