@@ -6,6 +6,8 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from unicodedata import combining, east_asian_width
 
+from drivers.api.secrets import without_secrets
+
 SHORT = 5
 """Letters of a word in which only one slip is taken for one."""
 
@@ -57,6 +59,10 @@ class Diagnostic:
     suggestion: str = ""
     mended: frozenset[int] = field(default=frozenset(), compare=False)
 
+    def __post_init__(self) -> None:
+        for name in ("message", "suggestion"):  # what is quoted of a file may be the address of a camera
+            object.__setattr__(self, name, without_secrets(getattr(self, name)))
+
     @property
     def place(self) -> str:
         """``FILE:LINE:COLUMN``, as editors and terminals make it a link."""
@@ -70,7 +76,7 @@ class Diagnostic:
 
     def _picture(self) -> list[str]:
         """The line with carets under the mistake; of a long line, the piece around it."""
-        line = self.source.line(self.mark.line).rstrip()
+        line = without_secrets(self.source.line(self.mark.line).rstrip(), aligned=True)
         if not line:
             return []
         start = min(self.mark.column - 1, len(line))

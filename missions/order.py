@@ -10,6 +10,7 @@ from config.library import DEFAULT_WORLD, find
 from drivers.api.kinds import WIRED
 from drivers.api.quick import dataclass
 from drivers.api.renamed import renamed
+from drivers.api.secrets import without_secrets
 from drivers.camera.source import Kind, kind_of
 
 if TYPE_CHECKING:
@@ -96,7 +97,8 @@ def contradictions(
     if order.world is not None and order.simulation is None:
         yield f"{named('world')} is for a simulated robot: add {wire}, or leave it out"
     if order.camera is not None and not _may_be_camera(order.camera):
-        yield f"{named('camera')}: '{order.camera}': no such file, and no index, device or address of a camera"
+        source = without_secrets(order.camera)
+        yield f"{named('camera')}: '{source}': no such file, and no index, device or address of a camera"
 
 
 def _may_be_camera(source: str) -> bool:

@@ -71,8 +71,9 @@ class NewestView:
 class Vision(NewestView):
     """Searches the frames that it is given and keeps the newest result ready: a ``Sight``.
 
-    ``gaze(stamp)`` tells where the camera looked at a past time, None when that is not known. ``field_of_view``,
-    ``centre`` and ``distortion`` are the camera's, as ``perception.geometry.Pinhole`` has them. ``now`` tells the time,
+    ``gaze(stamp)`` tells where the camera looked at a past time, None when that is not known. ``field_of_view``
+    (or what tells it by width and height of a picture), ``centre`` and ``distortion`` are the camera's, as
+    ``perception.geometry.Pinhole`` has them. ``now`` tells the time,
     to measure the effort. ``delay`` is how late pictures are stamped, and learns it; None where stamps are exact.
     ``afresh`` is called before the first frame after a rest, which shows something else than the one before it.
     From whichever thread hands in the frames, and to return at once: ``on_view(view)`` after each frame, then
@@ -83,7 +84,7 @@ class Vision(NewestView):
         self,
         gaze: Callable[[float], Gaze | None],
         *,
-        field_of_view: float,
+        field_of_view: float | Callable[[int, int], float],
         centre: tuple[float, float] = (0.5, 0.5),
         distortion: tuple[float, ...] = (),
         senses: Senses,
@@ -98,7 +99,8 @@ class Vision(NewestView):
         self.now = now
         self.afresh = afresh
         self._gaze = gaze
-        self._lens = field_of_view, centre, distortion
+        self._angle = field_of_view
+        self._lens = centre, distortion
         self._senses = senses
         faces: object = senses.faces
         self._sparing = faces if isinstance(faces, Sparing) else None
@@ -146,7 +148,8 @@ class Vision(NewestView):
     def _search(self, frame: Frame) -> None:
         began = self.now()
         height, width = frame.image.shape[:2]
-        camera, senses = Pinhole(width, height, *self._lens), self._senses
+        angle = self._angle(width, height) if callable(self._angle) else self._angle
+        camera, senses = Pinhole(width, height, angle, *self._lens), self._senses
         if self._exposures is None:
             gaze = self._gaze(frame.stamp)
         else:

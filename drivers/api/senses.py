@@ -6,9 +6,12 @@ The words that only perception understands stand here too, as its modules have t
 import re
 import unicodedata
 from collections.abc import Iterator, Mapping
-from typing import Annotated
+from dataclasses import replace
+from math import pi
+from typing import Annotated, Literal
 
 from drivers.api.keys import Mistake, inside, key, keys
+from drivers.api.turn import Turn
 
 MARKER_FAMILIES = ("4x4_50", "4x4_100", "5x5_100", "6x6_250", "apriltag_16h5", "apriltag_25h9", "apriltag_36h11")
 """The families of markers."""
@@ -91,8 +94,20 @@ class CameraKeys:
     """The keys of every camera: its view, where it sits, and what is looked for in its pictures."""
 
     source: str = key(default="0", help="An index, a device, a file, a URL, or a folder of pictures.")
+    rotate: float | Literal["0", "90", "180", "270"] = key(
+        "angle",
+        default="0",
+        low=-1.5 * pi - 0.01,
+        high=1.5 * pi + 0.01,
+        help="How far to turn its pictures clockwise; the other keys are those of the unturned camera.",
+    )
+    flip: str = key(
+        default="false",
+        among=("false", "true", "horizontal", "vertical", "both"),
+        help="Mirror its pictures, once they are turned: left to right (`true`, `horizontal`), top to bottom, or both.",
+    )
     field_of_view: float = key(
-        "angle", default=1.0471975512, low=0.2, high=2.6, help="From the left of the picture to its right."
+        "angle", default=1.0471975512, low=0.2, high=2.6, help="From the left of the unturned picture to its right."
     )
     width: int = key(default=640, low=64, high=4096, help="Pixels from left to right.")
     height: int = key(default=480, low=48, high=4096, help="Pixels from top to bottom.")
@@ -129,6 +144,38 @@ class CameraKeys:
     def bent(self) -> tuple[float, ...]:
         """The coefficients by which the lens bends a picture; empty where nothing is known of that."""
         return () if self.distortion is None else self.distortion.coefficients()
+
+    @property
+    def turn(self) -> Turn:
+        """How its pictures are turned and mirrored."""
+        quarters = int(self.rotate) / 90 if isinstance(self.rotate, str) else self.rotate / (pi / 2)
+        both = self.flip == "both"
+        return Turn(round(quarters) % 4, both or self.flip in ("true", "horizontal"), both or self.flip == "vertical")
+
+    def upright(self) -> "CameraKeys":
+        """Return the camera of the turned pictures: its size, angle of view, centre and distortion."""
+        turn, distortion = self.turn, self.distortion
+        width, height = turn.size(self.width, self.height)
+        centre_x, centre_y = turn.point(*self.centre)
+        if distortion is not None:  # the tangential coefficients are a vector: (p2, p1)
+            p2, p1 = turn.vector(distortion.p2, distortion.p1)
+            distortion = replace(distortion, p1=p1, p2=p2)
+        return replace(
+            self,
+            rotate="0",
+            flip="false",
+            width=width,
+            height=height,
+            field_of_view=turn.view(self.field_of_view, width, height),
+            centre_x=centre_x,
+            centre_y=centre_y,
+            distortion=distortion,
+        )
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield a turn that is none by right angles."""
+        if isinstance(self.rotate, float) and abs(self.rotate / (pi / 2) - round(self.rotate / (pi / 2))) > 1e-3:
+            yield Mistake("'rotate' must be 0, 90, 180 or 270 deg", ("rotate",), hint="rotate: 90 deg")
 
 
 @keys

@@ -6,8 +6,10 @@ from threading import Condition, Event, Thread
 from typing import Protocol
 
 from drivers.api import CameraFrame, DeviceStatus, Health, Image, Report
+from drivers.api.turn import UPRIGHT, Turn
 from drivers.camera.decode import NOTHING, UNWANTED
 from drivers.camera.freshness import Freshness
+from drivers.camera.turning import turned
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.guard import guarded
@@ -74,7 +76,18 @@ class Capture:
     The feed and all state belong to one run, and the next run gets new ones.
     """
 
-    def __init__(self, name: str, feed: Feed, clock: Clock, *, loop: bool, retry: float, report: Report) -> None:
+    def __init__(
+        self,
+        name: str,
+        feed: Feed,
+        clock: Clock,
+        *,
+        loop: bool,
+        retry: float,
+        report: Report,
+        turn: Turn = UPRIGHT,
+    ) -> None:
+        self._turn = turn
         self._name = name
         self._feed = feed
         self._clock = clock
@@ -179,6 +192,7 @@ class Capture:
             if image is UNWANTED:
                 self._let_go_by(live=period is None)
                 continue
+            image = turned(image, self._turn) if self._turn else image
             self._offer(image)
             if period is None:  # a recording may well hold still
                 self._freshness.take(image, self._clock.now())

@@ -8,11 +8,15 @@ from drivers.api import CameraFrame, Image
 from drivers.api.driver import Site
 from drivers.api.findings import Finding, warning, wrong
 from drivers.api.senses import CameraKeys
-from drivers.camera.make import open_source
+from drivers.camera.capture import NOT_YET
+from drivers.camera.make import make
 from drivers.camera.source import Kind, is_number, kind_of
 
-FIRST = 2.0
-"""Seconds in which the first picture must come."""
+FIRST = 6.0
+"""Seconds in which the first picture must come: a camera in the network says why not within 5 s."""
+
+FAILED = 2.0
+"""Seconds after which a camera is not waited for that has said why it shows nothing."""
 
 WATCH = 1.0
 """Seconds for which pictures are counted."""
@@ -33,19 +37,22 @@ def checkup(keys: CameraKeys, site: Site) -> Iterator[Finding]:
     if kind_of(keys.source) is Kind.DEVICE and not Path(device).exists():
         yield wrong("pictures", f"{device} is not there", "mission camera list")
         return
-    with closing(open_source(keys.source, site.clock, size=(keys.width, keys.height), report=site.report)) as camera:
+    with closing(make(keys, site)) as camera:
         camera.open()
         end = site.clock.now() + FIRST
         while (left := end - site.clock.now()) > 0:
-            frame = camera.read(left)
+            frame = camera.read(min(left, 0.5))
             if frame is not None:
                 end = end if frames else site.clock.now() + WATCH
                 frames.append(frame)
+            elif not frames and left < FIRST - FAILED and not camera.health().detail.endswith(NOT_YET):
+                break
         health = camera.health()
     if not frames:
         yield wrong("pictures", health.detail or "none came", health.hint or "mission camera list")
         return
     height, width = frames[-1].image.shape[:2]
+    width, height = keys.turn.size(width, height)  # of the camera itself
     if (width, height) != (keys.width, keys.height):
         cure = f"write width: {width} and height: {height}; the sizes that it can: mission camera list"
         yield warning("pictures", f"{width}x{height}, the robot file says {keys.width}x{keys.height}", cure)

@@ -27,17 +27,35 @@ _DISCRETE = 1
 _MAX_ENTRIES = 64  # of formats and of sizes: a device that never says "no more" must not hang us
 
 
+CSI_RECEIVERS = ("unicam", "rp1-cfe")
+"""How the names begin of the devices that receive the raw data of a CSI camera, on a Raspberry Pi up to 4, and 5."""
+
+CSI_PROCESSORS = ("bcm2835-isp", "pispbe")
+"""How the names begin of the devices that make pictures of that, for libcamera alone."""
+
+CSI_TROUBLE = "a camera of the CSI connector, which OpenCV cannot read: libcamera alone can"
+
+CSI_SOURCE = "tcp://127.0.0.1:8888"
+
+CSI_HINT = (
+    f"rpicam-vid -t 0 -n --codec mjpeg --width 640 --height 480 --listen -o {CSI_SOURCE}"
+    f"  and `source: {CSI_SOURCE}` (docs/cameras.md)"
+)
+
+
 @dataclass(frozen=True, slots=True)
 class CameraDevice:
     """One camera: its ``path``, the ``name`` that it gives itself, and its pictures' sizes (width, height), rising.
 
-    ``trouble`` says why it could not be asked for them, "" when it could.
+    ``trouble`` says why it could not be asked for them, "" when it could. ``csi`` is for a camera of a Raspberry Pi's
+    CSI connector, which has no pictures for OpenCV.
     """
 
     path: Path
     name: str
     sizes: tuple[tuple[int, int], ...] = ()
     trouble: str = ""
+    csi: bool = False
 
 
 def list_devices(system: Path = SYSTEM, devices: Path = DEVICES, ioctl: Ioctl = fcntl.ioctl) -> list[CameraDevice]:
@@ -48,8 +66,21 @@ def list_devices(system: Path = SYSTEM, devices: Path = DEVICES, ioctl: Ioctl = 
     if not system.is_dir():
         return []
     entries = sorted(system.glob("video*"), key=lambda entry: (len(entry.name), entry.name))
-    found = [_asked(devices / entry.name, _name(entry), ioctl) for entry in entries]
+    found, received = list[CameraDevice | None](), set[str]()
+    for entry in entries:
+        name, path = _name(entry), devices / entry.name
+        if receiver := next((each for each in CSI_RECEIVERS if name.startswith(each)), ""):
+            if receiver not in received:  # one has several devices
+                found.append(CameraDevice(path, name, trouble=CSI_TROUBLE, csi=True))
+            received.add(receiver)
+        elif not name.startswith(CSI_PROCESSORS):
+            found.append(_asked(path, name, ioctl))
     return [device for device in found if device is not None]
+
+
+def is_csi(path: Path, system: Path = SYSTEM) -> bool:
+    """Whether a device is that of a CSI camera, which OpenCV cannot read."""
+    return _name(system / path.resolve().name).startswith((*CSI_RECEIVERS, *CSI_PROCESSORS))
 
 
 def _name(entry: Path) -> str:

@@ -5,6 +5,7 @@ from math import radians
 from drivers.api import Report, ignore
 from drivers.api.driver import Site
 from drivers.api.senses import CameraKeys
+from drivers.api.turn import UPRIGHT, Turn
 from drivers.camera.reader import ReaderFeed
 from drivers.camera.source import Source
 from drivers.camera.threaded import ThreadedCamera
@@ -22,12 +23,14 @@ def open_source(
     retry: float = 1.0,
     rate: float = 5.0,
     report: Report = ignore,
+    turn: Turn = UPRIGHT,
 ) -> ThreadedCamera:
     """Return a camera over ``source``, not opened yet: a number or path of a device, an address, a video, pictures.
 
     ``size`` (width, height in pixels) is asked of devices, ``loop`` is for recordings: a clip stands in for a camera
-    that goes on. Pictures come at ``rate`` a second, a film at its own. Stamps are the time at which the picture
-    arrived, a few tens of milliseconds after its exposure. Raises BadRequest unless ``rate`` > 0.
+    that goes on. ``turn`` is applied to each picture. Pictures come at ``rate`` a second, a film at its own. Stamps are
+    the time at which the picture arrived, a few tens of milliseconds after its exposure. Raises BadRequest unless
+    ``rate`` > 0.
     """
     if rate <= 0:
         raise BadRequest(f"camera: {rate} pictures a second: must be above 0")
@@ -39,6 +42,7 @@ def open_source(
         loop=loop,
         retry=retry,
         report=report,
+        turn=turn,
     )
 
 
@@ -47,7 +51,8 @@ def make(keys: CameraKeys, site: Site) -> ThreadedCamera:
     return open_source(
         keys.source,
         site.clock,
-        field_of_view=keys.field_of_view,
+        field_of_view=keys.upright().field_of_view,
         size=(keys.width, keys.height),
         report=site.report,
+        turn=keys.turn,
     )

@@ -10,6 +10,7 @@ import cv2
 from drivers.access import explain_denied
 from drivers.api import Image
 from drivers.camera.decode import grab, opened
+from drivers.camera.devices import CSI_HINT, CSI_TROUBLE, is_csi
 from drivers.camera.source import Kind, Source, advice, is_live, is_number, kind_of, shown
 from drivers.errors import BadRequest, NotConnected
 
@@ -74,6 +75,8 @@ class VideoFeed:
             what, hint = ("no such device", "`mission ports` lists the cameras that are there") if device else (
                 "no such file", f"`ls {Path(self._what).parent}` lists what is there")  # fmt: skip
             raise NotConnected(f"{self._name}: {self._what}: {what}", hint=hint)
+        if device and is_csi(Path(self._what)):
+            raise NotConnected(f"{self._name}: {self._what}: {CSI_TROUBLE}", hint=CSI_HINT)
         if not os.access(self._what, os.R_OK):
             why, hint = explain_denied(Path(self._what)) if device else ("permission denied", f"`ls -l {self._what}`")
             raise NotConnected(f"{self._name}: {self._what}: {why}", hint=hint)

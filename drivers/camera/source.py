@@ -5,6 +5,8 @@ import sys
 from enum import StrEnum
 from pathlib import Path
 
+from drivers.api.secrets import without_secrets
+
 PICTURES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".webp", ".ppm", ".pgm", ".tif", ".tiff"})
 """The endings of files that hold one picture."""
 
@@ -47,28 +49,6 @@ def is_live(source: Source) -> bool:
     return kind is Kind.DEVICE or (kind is Kind.URL and not str(source).lower().startswith("file:"))
 
 
-_SECRET = re.compile(
-    r"([^/?&;#=]*(?:pass|pwd|pas|auth|token|key|secret|sig|usr|user|login|session|sid)[^/?&;#=]*=)[^&;#\s]*",
-    re.IGNORECASE,
-)
-"""A parameter of an address that says who may look: cameras have them behind the question mark, and in the path."""
-
-
-def without_secrets(text: str) -> str:
-    """Return a text, such as an address, without the names and passwords of the addresses in it."""
-    return re.sub(r"([A-Za-z][\w+.-]*://)(\S+)", lambda found: found[1] + _without_secrets(found[2]), text)
-
-
-def _without_secrets(rest: str) -> str:
-    """Hide all up to the last @ of the host's part, or of all, where a password holds a slash."""
-    host = re.split(r"[/?#]", rest, maxsplit=1)[0]
-    torn = "@" not in host and re.search(r":(?![0-9]*$)", host.rpartition("]")[2]) is not None
-    _, at, after = (rest if torn else host).rpartition("@")
-    if at:
-        rest = "***@" + (after if torn else after + rest[len(host) :])
-    return _SECRET.sub(r"\1***", rest)
-
-
 def shown(source: Source) -> str:
     """Return what messages call a source: a path, a device, or an address without its password."""
     if is_number(source):  # OpenCV's numbers are those of /dev/video* on Linux, and nameless elsewhere
@@ -81,6 +61,8 @@ def advice(source: Source) -> str:
     kind, what = kind_of(source), shown(source)
     if kind is Kind.DEVICE:
         return f"`fuser -v {what}` shows who else uses it; one camera often has several numbers: try the next"
+    if what.startswith("http"):
+        return f"open {what} in a browser"
     if kind is Kind.URL:
         return f"`ffplay {what}` shows whether the stream runs"
     if kind is Kind.FOLDER:

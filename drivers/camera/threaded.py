@@ -4,6 +4,7 @@ from collections.abc import Callable
 from threading import Event
 
 from drivers.api import CameraFrame, Health, Report
+from drivers.api.turn import UPRIGHT, Turn
 from drivers.camera.capture import Capture, Feed
 from drivers.clock import Clock
 from drivers.errors import BadRequest
@@ -13,8 +14,9 @@ class ThreadedCamera:
     """A camera whose newest picture is always ready; meets ``drivers.api.Camera``.
 
     ``make_feed`` makes a new feed for each opening. ``field_of_view`` is the horizontal angle of view in radians, as
-    the user knows it: OpenCV cannot tell. ``retry`` is the time in seconds between attempts to find a source that is
-    away. ``read`` is for one thread at a time. Raises BadRequest for a ``field_of_view`` or ``retry`` of 0 or less.
+    the user knows it (OpenCV cannot tell), of the pictures after their ``turn``. ``retry`` is the time in seconds
+    between attempts to find a source that is away. ``read`` is for one thread at a time. Raises BadRequest for a
+    ``field_of_view`` or ``retry`` of 0 or less.
     """
 
     def __init__(
@@ -27,6 +29,7 @@ class ThreadedCamera:
         loop: bool,
         retry: float,
         report: Report,
+        turn: Turn = UPRIGHT,
     ) -> None:
         if not 0 < field_of_view < 3.14:
             raise BadRequest(f"{name}: field of view {field_of_view} rad: must be above 0 and below 3.14")
@@ -39,13 +42,20 @@ class ThreadedCamera:
         self._loop = loop
         self._retry = retry
         self._report = report
+        self._turn = turn
         self._capture: Capture | None = None
 
     def open(self) -> None:
         """Start the thread that looks for the source; returns at once. Does nothing when open."""
         if self._capture is None:
             capture = Capture(
-                self.name, self._make_feed(), self._clock, loop=self._loop, retry=self._retry, report=self._report
+                self.name,
+                self._make_feed(),
+                self._clock,
+                loop=self._loop,
+                retry=self._retry,
+                report=self._report,
+                turn=self._turn,
             )
             self._capture = capture
             capture.begin()

@@ -22,12 +22,12 @@ from urllib.request import (
 )
 
 from drivers.api import Image
+from drivers.api.secrets import without_secrets
 from drivers.camera.capture import SILENCE
 from drivers.camera.causes import missing, of_error, of_page, of_status
 from drivers.camera.decode import UNWANTED, decoded
 from drivers.camera.jpegs import BEGIN, LARGEST_PICTURE, JpegFinder
 from drivers.camera.opencv import VideoFeed
-from drivers.camera.source import without_secrets
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
 

@@ -4,7 +4,7 @@ import fcntl
 import re
 from dataclasses import dataclass
 
-from drivers.camera.devices import Ioctl, list_devices
+from drivers.camera.devices import CSI_HINT, CSI_SOURCE, Ioctl, list_devices
 from drivers.finding.machine import Machine
 from drivers.finding.serial_ports import Trouble
 from drivers.finding.usb import Usb, usb_of
@@ -18,7 +18,10 @@ _EVENT = re.compile(r"\bevent\d+\b")
 
 @dataclass(frozen=True, slots=True)
 class CameraFound:
-    """A camera: its device, its name, its pictures' sizes, who has it open, and what is wrong with it."""
+    """A camera: its device, its name, its pictures' sizes, who has it open, and what is wrong with it.
+
+    ``source`` is what a robot file calls it: a CSI camera is read by TCP, from ``rpicam-vid``.
+    """
 
     path: str
     name: str
@@ -26,6 +29,7 @@ class CameraFound:
     usb: Usb | None = None
     holders: tuple[Program, ...] = ()
     trouble: Trouble | None = None
+    source: int | str = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,13 +60,16 @@ def cameras(machine: Machine, ioctl: Ioctl = fcntl.ioctl) -> list[CameraFound]:
         held = tuple(holders.get(path, ()))
         usb = usb_of(machine, f"/sys/class/video4linux/{device.path.name}/device")
         trouble = Trouble(device.trouble, f"ls -l {path}") if device.trouble else None
-        if machine.may_open(path) is False:
+        source: int | str = int(device.path.name.removeprefix("video"))
+        if device.csi:
+            source, trouble = CSI_SOURCE, Trouble(device.trouble, CSI_HINT)
+        elif machine.may_open(path) is False:
             trouble = Trouble(*machine.explain_denied(path))
         elif held:
             trouble = Trouble(
                 f"in use by {', '.join(map(str, held))}", end_command(held, f"end that program, or: fuser -v {path}")
             )
-        found.append(CameraFound(path, device.name, device.sizes, usb, held, trouble))
+        found.append(CameraFound(path, device.name, device.sizes, usb, held, trouble, source))
     return found
 
 

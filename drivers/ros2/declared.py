@@ -133,6 +133,7 @@ class Ros2CameraKeys(CameraKeys):
 
     def mistakes(self) -> Iterator[Mistake]:
         """Yield what no topic is called."""
+        yield from super().mistakes()
         yield from _no_topics(self, "image")
 
 

@@ -88,10 +88,11 @@ def camera(keys: Ros2CameraKeys, site: Site) -> ThreadedCamera:
         lambda: TopicFeed(nodes.node, topic, site.clock, site.report),
         site.clock,
         name="camera",
-        field_of_view=keys.field_of_view,
+        field_of_view=keys.upright().field_of_view,
         loop=False,
         retry=0.3,
         report=site.report,
+        turn=keys.turn,
     )
 
 

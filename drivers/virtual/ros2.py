@@ -6,7 +6,8 @@ from dataclasses import asdict, dataclass
 from threading import Event, RLock, Thread
 from typing import Any, TypeVar
 
-from drivers.api import HeadPose
+from drivers.api import HeadPose, Image
+from drivers.camera.turning import unturned
 from drivers.clock import Clock
 from drivers.ros2 import wire
 from drivers.ros2.declared import (
@@ -174,9 +175,14 @@ def ranger(keys: Ros2RangeKeys, stage: Stage) -> Plugged:
 
 def camera(keys: Ros2CameraKeys, stage: Stage) -> Plugged:
     """Return a virtual camera, which sees the world from where it truly is."""
-    lens = Pinhole(keys.width, keys.height, keys.field_of_view)
+    upright = keys.upright()
+    lens = Pinhole(upright.width, upright.height, upright.field_of_view)
     renderer = Renderer(stage.world or World(), lens, noise=stage.noise, seed=stage.seed)
-    device = VirtualPictures(lambda now: renderer.draw(stage.viewpoint(now), now), _full(stage)(keys.image))
+
+    def draw(now: float) -> Image:
+        return unturned(renderer.draw(stage.viewpoint(now), now), keys.turn)  # as it is mounted
+
+    device = VirtualPictures(draw, _full(stage)(keys.image))
     _terminal(stage).devices.append(device)
     return Plugged(None)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -11,6 +12,7 @@ from config.robot import Section
 from drivers.api import Base, Camera, DeviceStatus, Head, Report
 from drivers.api.senses import CameraKeys
 from drivers.camera.make import make
+from drivers.camera.source import is_live
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from missions.assembly.detectors import face_detector
@@ -76,9 +78,9 @@ class WatchfulSight:
 
 def real_eyes(place: "Place", section: Section, made: Mapping[str, Any]) -> tuple[Camera, WatchfulSight]:
     """Return the camera of a robot, or what renders the world for it, and what tells of its pictures."""
-    keys: CameraKeys = section.keys
     wishes, audience = place.wishes, place.audience
-    camera = _camera(place, section, made)
+    keys = _keys(place, section)
+    camera = _camera(place, section, keys, made)
     base: Base | None = made.get("base")
     head: Head | None = made.get("head")
     world = wishes.world
@@ -89,8 +91,8 @@ def real_eyes(place: "Place", section: Section, made: Mapping[str, Any]) -> tupl
         place.clock,
         interests=wishes.interests,
         detector=face_detector(keys),
-        lens=keys if world is None else None,
-        field_of_view=camera.field_of_view,
+        lens=keys.upright() if world is None else None,
+        field_of_view=partial(keys.turn.view, keys.field_of_view) if world is None else camera.field_of_view,
         report=audience.report,
         seen=audience.seen,
         watched=audience.watched,
@@ -116,15 +118,23 @@ def _recogniser(place: "Place", keys: CameraKeys) -> Recogniser | None:
     )
 
 
-def _camera(place: "Place", section: Section, made: Mapping[str, Any]) -> Camera:
+def _keys(place: "Place", section: Section) -> CameraKeys:
+    """Return the keys of the camera; a film in its place is upright."""
     keys: CameraKeys = section.keys
+    source = place.wishes.camera
+    if source is None:
+        return keys
+    return replace(keys, source=source) if is_live(source) else replace(keys.upright(), source=source)
+
+
+def _camera(place: "Place", section: Section, keys: CameraKeys, made: Mapping[str, Any]) -> Camera:
     source, simulation = place.wishes.camera, place.simulation
     if simulation is not None and source is None:
         return simulation.rendered(seed=place.wishes.seed)
     if source is None:
         camera: Camera = place.device(section, made)
     else:  # whatever camera the robot has: a source is one of OpenCV's
-        camera = make(replace(keys, source=source), place.site(section, {}))
+        camera = make(keys, place.site(section, {}))
     # A simulated head cannot turn a real camera, so its picture is turned instead.
     return camera if simulation is None else simulation.panned(camera)
 
@@ -135,7 +145,7 @@ def vision(
     *,
     interests: Interests,
     detector: FaceDetector,
-    field_of_view: float,
+    field_of_view: float | Callable[[int, int], float],
     lens: CameraKeys | None,
     report: Report,
     seen: Callable[[View], None],
@@ -145,7 +155,8 @@ def vision(
 ) -> Vision:
     """Return what searches the pictures of a camera for what somebody is interested in; ``detector`` finds faces.
 
-    ``lens`` is what calibration found of it, None for an ideal one. ``recogniser`` puts names on the faces. ``delay``
+    ``field_of_view`` may depend on the width and height of a picture. ``lens`` is what calibration found of it, None
+    for an ideal one. ``recogniser`` puts names on the faces. ``delay``
     is how late it stamps its pictures, to be learnt.
     """
     finder = FaceFinder(detector)

@@ -115,7 +115,7 @@ class Simulation:
     def viewpoint(self, time: float) -> Viewpoint:
         """Return where the camera truly is and looks: on the head, on the base."""
         looks = self._looks(time)
-        camera = self._robot.camera
+        camera = None if self._robot.camera is None else self._robot.camera.upright()
         return mounted(self.pose(time), looks.pan, looks.tilt, (0.0, 0.0, 1.0) if camera is None else camera.position)
 
     def _looks(self, time: float) -> HeadPose:

@@ -128,7 +128,8 @@ class _Place:
 
     def _eyes(self, keys: CameraKeys) -> Vision | TrueSight:
         self._twins.place = keys.position
-        self._twins.lens = Lens(keys.width, keys.height, keys.field_of_view)
+        upright = keys.upright()
+        self._twins.lens = Lens(upright.width, upright.height, upright.field_of_view)
         sight, self.looking = self.true_eyes() if self._truth else self.eyes(keys)
         return sight
 

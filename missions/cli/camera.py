@@ -8,7 +8,7 @@ import click
 from config.editing import NotEditableError
 from config.units import in_dimension
 from drivers.access import explain_denied
-from drivers.camera.devices import list_devices
+from drivers.camera.devices import CSI_HINT, list_devices
 from drivers.camera.pictures import pictures
 from drivers.camera.source import Kind, kind_of
 from drivers.errors import BadRequest
@@ -40,9 +40,11 @@ def list_command() -> int:
     denied = [device.path for device in devices if "permission" in device.trouble]
     if denied:
         click.echo(f"  try: {explain_denied(denied[0])[1]}", err=True)
+    elif readable := [device for device in devices if not device.csi]:
+        number = readable[0].path.name.removeprefix("video")
+        click.echo(f"\nTo look through {readable[0].path}: mission run greet --camera {number}")
     elif devices:
-        number = devices[0].path.name.removeprefix("video")
-        click.echo(f"\nTo look through the first: mission run greet --camera {number}")
+        click.echo(f"  try: {CSI_HINT}", err=True)
     else:
         click.echo("no camera is plugged in, as far as this system tells", err=True)
         click.echo("  try: lsusb  (is it there at all?), or a film instead: mission see FILE", err=True)

@@ -109,5 +109,6 @@ class Looker:
         self._markers = None if self._family is None else MarkerSense(MarkerKind(self._family))
 
     def _lens(self, width: int, height: int) -> Pinhole:
-        camera = self._camera
-        return Pinhole(width, height, camera.field_of_view, camera.centre, camera.bent)
+        camera, upright = self._camera, self._camera.upright()
+        view = camera.turn.view(camera.field_of_view, width, height)
+        return Pinhole(width, height, view, upright.centre, upright.bent)

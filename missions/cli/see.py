@@ -4,7 +4,8 @@ import json
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager, nullcontext, suppress
-from math import degrees, inf, isfinite
+from dataclasses import replace
+from math import degrees, inf, isfinite, radians
 from pathlib import Path
 
 import click
@@ -12,9 +13,11 @@ import click
 from config.library import find
 from config.robot import RobotConfig
 from drivers.api.senses import CameraKeys
+from drivers.api.turn import UPRIGHT, Turn
 from drivers.camera.declared import OPENCV
 from drivers.camera.pictures import pictures
-from drivers.camera.source import Kind, kind_of
+from drivers.camera.source import Kind, kind_of, shown
+from drivers.camera.turning import turned
 from drivers.errors import BadRequest
 from missions.assembly.gallery import gallery
 from missions.cli.drawings import Drawings
@@ -66,6 +69,10 @@ def _objects(ctx: click.Context, option: click.Parameter, values: tuple[str, ...
 )
 @click.option("--people", is_flag=True, help="Say whose faces they are, of those whom `mission person` knows.")
 @click.option("--robot", type=ROBOT, help="Whose camera: its lens, for distances, and its detector of faces.")
+@click.option("--rotate", type=click.Choice(["0", "90", "180", "270"]), help="Turn the pictures clockwise, in degrees.")
+@click.option(
+    "--flip", type=click.Choice(["horizontal", "vertical", "both"]), help="Mirror the pictures, once they are turned."
+)
 @click.option("--json", "as_json", is_flag=True, help="One line of JSON a frame; boxes are [x, y, width, height].")
 @click.option("--annotate", "folder", type=click.Path(path_type=Path), metavar="OUT",
               help="Draw it all: into the folder OUT, or a film (OUT.webm).")  # fmt: skip
@@ -79,6 +86,8 @@ def command(
     markers: str | None,
     people: bool,
     robot: str | None,
+    rotate: str | None,
+    flip: str | None,
     as_json: bool,
     folder: Path | None,
     seconds: float | None,
@@ -102,10 +111,14 @@ def command(
     live = own is not None or (len(files) == 1 and kind_of(files[0]) in {Kind.DEVICE, Kind.URL})
     if view and not live:
         raise click.UsageError("--view is for a camera\n  try: mission see 0 --view")
-    known = gallery(camera or IDEAL, tell) if people else None
-    looker = Looker(camera or IDEAL, things, markers, known)
+    lens = _mounted(camera or IDEAL, rotate, flip)
+    looker = Looker(lens, things, markers, gallery(lens, tell) if people else None)
     try:
-        shots = _live(own or files[0], camera, inf if seconds is None else seconds) if live else _stills(files)
+        if live:
+            device = files[0] if own is None else own.with_keys("camera", lens)
+            shots = _live(device, None if camera is None else (camera.width, camera.height), lens.turn, seconds or inf)
+        else:  # what a robot has filmed is upright
+            shots = _stills(files, UPRIGHT if rotate is None and flip is None else lens.turn)
         asked = sys.stdout.isatty() and not as_json if view is None else view
         with interruptible(), _served() if live and asked else nullcontext() as page:
             written = _draw(_looked(shots, looker, page, as_json=as_json, live=live), folder, files)
@@ -118,16 +131,21 @@ def command(
     return SUCCESS
 
 
-def _stills(files: tuple[str, ...]) -> Iterator[Shot]:
-    return ((str(path), number, number * PERIOD, image) for path, number, image in pictures(files))
+def _stills(files: tuple[str, ...], turn: Turn) -> Iterator[Shot]:
+    return ((str(path), number, number * PERIOD, turned(image, turn)) for path, number, image in pictures(files))
 
 
-def _live(source: str | RobotConfig, camera: CameraKeys | None, seconds: float) -> Iterator[Shot]:
+def _mounted(camera: CameraKeys, rotate: str | None, flip: str | None) -> CameraKeys:
+    """Return the keys of a camera with the turn of the options, where they are given."""
+    angle = camera.rotate if rotate is None else radians(float(rotate))
+    return replace(camera, rotate=angle, flip=flip or camera.flip)
+
+
+def _live(source: str | RobotConfig, size: tuple[int, int] | None, turn: Turn, seconds: float) -> Iterator[Shot]:
     """Yield what a source shows, or the camera of a robot that has none of OpenCV's sources."""
     if not isinstance(source, str):
         return ((source.name, number, *seen) for number, seen in enumerate(through_own(source, seconds)))
-    size = None if camera is None else (camera.width, camera.height)
-    return ((source, number, *seen) for number, seen in enumerate(through(source, seconds, size)))
+    return ((shown(source), number, *seen) for number, seen in enumerate(through(source, seconds, size, turn)))
 
 
 @contextmanager

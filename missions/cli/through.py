@@ -9,6 +9,7 @@ import click
 
 from config.robot import RobotConfig
 from drivers.api import Camera, DeviceStatus, Image, ignore
+from drivers.api.turn import UPRIGHT, Turn
 from drivers.camera.capture import AGAIN, NOT_YET
 from drivers.camera.make import open_source
 from drivers.camera.source import is_live
@@ -27,13 +28,15 @@ RETURN_TIMEOUT = 30.0
 """Seconds without a picture after which a camera that has shown something is not waited for any more."""
 
 
-def through(source: str, seconds: float, size: tuple[int, int] | None = None) -> Iterator[tuple[float, Image]]:
+def through(
+    source: str, seconds: float, size: tuple[int, int] | None = None, turn: Turn = UPRIGHT
+) -> Iterator[tuple[float, Image]]:
     """Yield what a camera sees, with the time since it was opened, for so long, or until its film is over.
 
     A live one that falls silent is waited for. Raises NotConnected when there is nothing to see in time.
     """
     clock = SystemClock()
-    with closing(open_source(source, clock, size=size, loop=False, report=tell)) as camera:
+    with closing(open_source(source, clock, size=size, loop=False, report=tell, turn=turn)) as camera:
         yield from _watched(camera, clock, seconds, live=is_live(source))
 
 

@@ -99,9 +99,9 @@ def _drawn(svg: str, output: Path) -> bytes:
 
 def _seen(config: WorldConfig, robot: RobotConfig, time: float) -> Image:
     """Draw what the camera sees while the robot stands where it starts and its head looks ahead."""
-    world, camera = build_world(config), robot.camera
-    if camera is None:
+    if robot.camera is None:
         raise click.UsageError(f"{robot.name} has no camera: choose another --robot")
+    world, camera = build_world(config), robot.camera.upright()
     lens = Pinhole(camera.width, camera.height, camera.field_of_view)
     view: Viewpoint = mounted(world.start, 0.0, 0.0, camera.position)
     return Renderer(world, lens, noise=config.noise).draw(view, time)

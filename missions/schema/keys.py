@@ -111,7 +111,7 @@ def _value(key: Key) -> Schema:
             least, most = min(key.sizes), max(key.sizes)
             return {"type": "array", "items": _quantity(key), "minItems": least, "maxItems": most}
         case "quantity":
-            return {"anyOf": [{"enum": list(key.among)}, _quantity(key)]} if key.among else _quantity(key)
+            return {"anyOf": [_choice(key), _quantity(key)]} if key.among else _quantity(key)
     return _plain(key)
 
 
@@ -119,8 +119,7 @@ def _plain(key: Key) -> Schema:
     """Return what a value without a unit looks like."""
     match key.form:
         case "choice":
-            numbers = [value for word in key.among if not isinstance(value := plain(word), str)]  # as YAML takes them
-            return {"enum": [*key.among, *numbers]}
+            return _choice(key)
         case "any":
             return {}
         case "flag":
@@ -129,6 +128,12 @@ def _plain(key: Key) -> Schema:
             limits = {"minimum": key.low, "maximum": key.high}
             return {"type": key.form, **{word: bound for word, bound in limits.items() if bound is not None}}
     return {"type": SCALAR, "errorMessage": "needs a text"} | ({} if key.blank else {"pattern": r"\S"})
+
+
+def _choice(key: Key) -> Schema:
+    """Return the words of a key, also as YAML takes them: as numbers, true and false."""
+    others = [value for word in key.among if not isinstance(value := plain(word), str)]
+    return {"enum": [*key.among, *others]}
 
 
 def _quantity(key: Key) -> Schema:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.camera.devices import CameraDevice, list_devices
+from drivers.camera.devices import CSI_TROUBLE, CameraDevice, is_csi, list_devices
 
 YUYV, MJPG, META = 0x56595559, 0x47504A4D, 0x4D455441
 
@@ -105,3 +105,24 @@ def test_a_camera_that_fails_when_asked_is_listed_with_the_reason(machine: Machi
 
 def test_a_system_without_video_devices_has_no_cameras(machine: Machine) -> None:
     assert machine.listed() == []
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["unicam-image", "unicam-embedded", "bcm2835-isp-output0", "bcm2835-isp-capture0"],
+        ["rp1-cfe-csi2_ch0", "rp1-cfe-csi2_ch1", "rp1-cfe-fe_image0", "pispbe-input", "pispbe-output0"],
+    ],
+)
+def test_a_csi_camera_of_a_raspberry_pi_is_listed_once_as_none_for_opencv(machine: Machine, names: list[str]) -> None:
+    for number, name in enumerate(names):
+        machine.plug_in(f"video{number}", name, YUYV)
+    machine.plug_in("video9", "HD Webcam", YUYV)
+    csi, webcam = machine.listed()
+    assert (csi.path.name, csi.csi, csi.trouble) == ("video0", True, CSI_TROUBLE)
+    assert (webcam.path.name, webcam.csi, webcam.trouble) == ("video9", False, "")
+    assert is_csi(machine.devices / "video0", machine.system)
+    assert not is_csi(machine.devices / "video9", machine.system)
+    (machine.devices / "by-id").mkdir()
+    (machine.devices / "by-id/camera").symlink_to(machine.devices / "video1")
+    assert is_csi(machine.devices / "by-id/camera", machine.system)

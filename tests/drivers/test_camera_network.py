@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from drivers.api import CameraFrame, DeviceStatus
+from drivers.api.secrets import without_secrets
 from drivers.camera import reader
 from drivers.camera.make import open_source
-from drivers.camera.source import without_secrets
 from drivers.camera.threaded import ThreadedCamera
 from drivers.clock import SystemClock
 from tests.drivers.web_cameras import MJPEG, OK, Connection, WebCamera, answer, jpeg, part

@@ -259,7 +259,7 @@ def exposed(patch: pytest.MonkeyPatch, picture: Image) -> Finding:
         return read(0.0)
 
     patch.setattr(eye, "read", looked)
-    patch.setattr("drivers.camera.checkup.open_source", lambda *_, **__: eye)
+    patch.setattr("drivers.camera.checkup.make", lambda *_, **__: eye)
     found = list(look_through(CameraKeys(source="film.avi", width=64, height=48), Site(timeline.clock)))
     assert [each.about for each in found] == ["rate", "exposure"]
     return found[1]

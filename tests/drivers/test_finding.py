@@ -192,6 +192,15 @@ def test_a_camera_is_told_with_who_has_it(desk: RecordedMachine) -> None:
     assert camera.trouble.what == "in use by cheese (process 99)"
 
 
+def test_a_csi_camera_is_told_with_the_way_to_read_it(desk: RecordedMachine) -> None:
+    desk.camera("unicam-image")
+    (camera,) = cameras(desk.machine, gives_pictures)
+    assert camera.source == "tcp://127.0.0.1:8888"
+    assert camera.trouble is not None
+    assert "OpenCV cannot read" in camera.trouble.what
+    assert "rpicam-vid" in camera.trouble.cure
+
+
 # --- desk 8: a Kobuki, on and off -------------------------------------------------------------------------------------
 
 

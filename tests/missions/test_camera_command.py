@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import pytest
 
-from drivers.camera.devices import CameraDevice
+from drivers.camera.devices import CSI_TROUBLE, CameraDevice
 from missions.cli import camera
 from missions.library.drivers import load_robot
 from perception.geometry import Pinhole
@@ -51,6 +51,17 @@ def test_list_says_how_to_get_the_right_to_a_camera(mission: Mission, monkeypatc
     outcome = mission("camera", "list")
     assert "permission denied" in outcome.out
     assert "try: ls -l /dev/video0" in outcome.err
+
+
+def test_list_says_how_a_csi_camera_is_read(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
+    csi = CameraDevice(Path("/dev/video0"), "unicam-image", trouble=CSI_TROUBLE, csi=True)
+    plugged_in(monkeypatch, csi)
+    outcome = mission("camera", "list")
+    assert "OpenCV cannot read" in outcome.out
+    assert "--camera 0" not in outcome.out
+    assert "rpicam-vid -t 0 -n --codec mjpeg" in outcome.err
+    plugged_in(monkeypatch, csi, CameraDevice(Path("/dev/video8"), "HD Webcam", ((640, 480),)))
+    assert "mission run greet --camera 8" in mission("camera", "list").out
 
 
 def test_without_a_camera_list_fails_and_says_what_to_try(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,6 +14,7 @@ import skimage.data
 
 from drivers.api import Image
 from missions.views.camera.served import CameraPage
+from tests.drivers.web_cameras import WebCamera, answer
 from tests.missions.command import Outcome, command, events_of
 from tests.perception.people_drawn import pictures
 
@@ -199,3 +200,38 @@ def test_the_page_is_for_cameras(mission: Mission) -> None:
     outcome = mission("see", "astronaut.png", "--view")
     assert outcome.code == 2
     assert "--view is for a camera" in outcome.err
+
+
+def test_pictures_are_turned_and_mirrored_on_request(mission: Mission) -> None:
+    room = cv2.imread("room.png")
+    assert room is not None
+    cv2.imwrite("turned.png", cv2.flip(cv2.rotate(room, cv2.ROTATE_90_COUNTERCLOCKWISE), 0))
+    look = ("see", "--json", "--things", "small red ball")
+    (plain,) = events_of(mission(*look, "room.png").out.splitlines())
+    (seen,) = events_of(mission(*look, "--flip", "horizontal", "--rotate", "90", "turned.png").out.splitlines())
+    assert seen["things"][0]["box"] == pytest.approx(plain["things"][0]["box"], abs=4)
+    outcome = mission(*look, "--rotate", "45", "turned.png")
+    assert (outcome.code, "90" in outcome.err) == (2, True)
+
+
+def test_a_robot_s_camera_in_the_network_is_turned_and_its_password_is_not_shown(mission: Mission) -> None:
+    room = cv2.imread("room.png")
+    assert room is not None
+    body = cv2.imencode(".jpg", cv2.rotate(room, cv2.ROTATE_180))[1].tobytes()
+    with WebCamera(lambda connection: connection.send(answer(body))) as web:
+        place = web.url.removeprefix("http://")
+        source = f"http://me:secret@{place}/capture?pwd=secret"
+        Path("far.yaml").write_text(f"robot: far\ncamera: {{source: '{source}', rotate: 180, field_of_view: 90 deg}}\n")
+        look = ("see", "--robot", "far.yaml", "--things", "red ball", "--seconds", "1")
+        *_, seen = events_of(mission(*look, "--json").out.splitlines())
+        assert seen["things"][0]["box"] == pytest.approx([390, 240, 120, 120], abs=6)
+        assert seen["file"] == f"http://***@{place}/capture?pwd=***"
+        for outcome in (
+            mission(*look, "--annotate", "out"),
+            mission("robot", "show", "far.yaml"),
+            mission("see", source, "--seconds", "1"),
+        ):
+            assert "secret" not in outcome.out + outcome.err
+        assert not [path for path in Path("out").iterdir() if "secret" in path.name]
+    lost = mission(*look)
+    assert (lost.code, "secret" in lost.out + lost.err) == (3, False)

@@ -53,7 +53,11 @@ def judge(pictures: Pictures, field_of_view: float) -> Iterator[Finding]:
     tilt = _axis(pictures, ("between", "up", "end"), expected, across=True)
     if "wrong way" in pan.what and "wrong way" in tilt.what:
         both = "both axes turn the wrong way, or the camera is mounted upside down"
-        yield wrong("pan and tilt", f"{both}: {pan.what}; {tilt.what}", f"look how the camera sits; else {CURE}")
+        yield wrong(
+            "pan and tilt",
+            f"{both}: {pan.what}; {tilt.what}",
+            f"write `rotate: 180` into the section of the camera; else {CURE}",
+        )
         return
     swapped = SWAPPED in pan.what and SWAPPED in tilt.what
     for each in (pan, tilt):  # of swapped plugs both axes tell; of a person who walks by, one

@@ -59,7 +59,7 @@ def tried(
             elif not ask(f"{part}: {trial.does}. May it?"):
                 yield Checked(part, Finding(trial.about, "not tried"))
             elif part == "head" and config.camera is not None and "camera" not in unwell:
-                lens = config.camera.field_of_view
+                lens = config.camera.upright().field_of_view
                 yield from (Checked(part, finding) for finding in _head_tried(trial, config, order, ask, lens))
             elif section.driver.kind == "base":
                 yield from (Checked(part, finding) for finding in _base_tried(trial, config, order, ask))

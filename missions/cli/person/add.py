@@ -8,9 +8,10 @@ import click
 
 from drivers.api import DeviceStatus, ignore
 from drivers.api.senses import CameraKeys
+from drivers.api.turn import UPRIGHT
 from drivers.camera.make import open_source
 from drivers.camera.pictures import pictures
-from drivers.camera.source import Kind, kind_of
+from drivers.camera.source import Kind, is_live, kind_of
 from drivers.clock import Clock, SystemClock
 from drivers.errors import BadRequest, NotConnected
 from drivers.voice.make import Wish, make_voice
@@ -113,9 +114,10 @@ def _from_camera(source: str, camera: CameraKeys | None, taking: Taking, seconds
     Raises NotConnected for a camera that shows nothing, PeopleError when the time is over before there are enough.
     """
     clock, size = SystemClock(), None if camera is None else (camera.width, camera.height)
+    turn = camera.turn if camera is not None and is_live(source) else UPRIGHT
     seen, guide, why = False, "", ""
     with ExitStack() as stack:
-        eye = stack.enter_context(closing(open_source(source, clock, size=size, loop=False, report=_report)))
+        eye = stack.enter_context(closing(open_source(source, clock, size=size, loop=False, report=_report, turn=turn)))
         eye.open()
         say = stack.enter_context(_speaking(clock)) if aloud else ignore
         while not taking.done and clock.now() < seconds:
@@ -128,7 +130,7 @@ def _from_camera(source: str, camera: CameraKeys | None, taking: Taking, seconds
                 if not seen and clock.now() > PICTURE_TIMEOUT:
                     health = eye.health()
                     raise NotConnected(health.detail, hint=health.hint)
-                if seen and not eye.health().online:
+                if seen and not eye.health().online and not is_live(source):
                     break  # a film is over
                 continue
             seen, before = True, why

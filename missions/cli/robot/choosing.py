@@ -151,7 +151,7 @@ def choose(talk: Dialogue, table: Table, desk: Desk, found: Sequence[Found], mod
             parts[part] = supposed
     _others(talk, table, parts)
     if "camera" in parts and desk.cameras:
-        parts["camera"].section["source"] = int(desk.cameras[0].path.removeprefix("/dev/video"))
+        parts["camera"].section["source"] = min(desk.cameras, key=lambda each: isinstance(each.source, str)).source
     return {part: parts[part] for part in (*KINDS, *parts) if part in parts}
 
 

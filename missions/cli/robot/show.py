@@ -9,6 +9,7 @@ from config.library import MINE
 from config.robot import RobotConfig, Section
 from drivers.api.sections import ArmKeys, AxisKeys, HeadKeys, Wired
 from drivers.api.senses import CameraKeys
+from drivers.camera.source import shown
 from drivers.finding.machine import Machine
 from missions.cli.names import ROBOT
 from missions.cli.origin import robot_file
@@ -48,7 +49,7 @@ def _part(section: Section, machine: Machine) -> Iterator[str]:
             of = "" if number is None else f" (ID {number})"
             yield f"{name}{of}: {degrees(limit.lower):.0f} to {degrees(limit.upper):.0f} deg"
     if isinstance(keys, CameraKeys):
-        device = f"/dev/video{keys.source}" if str(keys.source).isdecimal() else str(keys.source)
+        device = shown(keys.source)
         there = (
             "" if not device.startswith("/dev/") or machine.at(device).exists() else ", where no camera is plugged in"
         )

@@ -8,6 +8,7 @@ from config.robot import RobotConfig, Section
 from config.units import in_dimension
 from drivers.api import HeadPose
 from drivers.api.driver import Site, resolved
+from drivers.api.secrets import without_secrets
 from drivers.arduino.declared import TwoServoKeys
 from drivers.clock import SystemClock
 from drivers.dynamixel.declared import NeckKeys
@@ -81,7 +82,7 @@ def _correct(parts: Mapping[str, Part], head: Part, axis: str, *, turned: bool, 
 
 def photograph(talk: Dialogue, camera: Section) -> None:
     """Look through the camera, where the user wants it, and say what is wrong with its pictures."""
-    number, question = 0, f"look through camera {camera.keys.source}, to see whether it works?"
+    number, question = 0, f"look through camera {without_secrets(str(camera.keys.source))}, to see whether it works?"
     while not talk.yes and talk.confirm(f"picture {number}", question, default=number == 0):
         told = talk.measured(f"picture {number} told", lambda: _told(camera))
         talk.tell(*(told or ["  its pictures are good"]))

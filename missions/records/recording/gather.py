@@ -13,6 +13,7 @@ from config.marked import Mapping as Marked
 from config.marked import compose
 from config.reading import read_regular
 from config.robot import RobotConfig
+from drivers.api.secrets import without_secrets
 from missions.assembly.models import YUNET, folder
 from missions.assembly.together import eye
 from missions.language.plan import Plan
@@ -98,7 +99,7 @@ def contents_of(
         eyes="" if "camera" not in chosen else order.eyes if simulation == "fast" else "pixels",
         rate=config.rate,
         started=started.isoformat(),
-        command=tuple(command),
+        command=tuple(map(without_secrets, command)),
         parts=tuple(sorted(chosen)),
         values={name: shown(value) for name, value in plan.params.items()},
         behaviours=tuple(name for name in names if name.startswith("behaviours/")),
@@ -109,7 +110,15 @@ def contents_of(
         lag=lag,
     )
     tree = json.dumps(to_json(drawing_of(plan)), ensure_ascii=False).encode()
-    return Contents(head, {name: files[path] for name, path in names.items()}, tree)
+    return Contents(head, {name: _told(files[path]) for name, path in names.items()}, tree)
+
+
+def _told(data: bytes) -> bytes:
+    """Return a file as it is kept: without the passwords of addresses."""
+    try:
+        return without_secrets(data.decode()).encode() if b"://" in data else data
+    except UnicodeDecodeError:
+        return data
 
 
 def _named(files: Mapping[Path, bytes], python: set[Path]) -> Iterator[tuple[str, Path]]:

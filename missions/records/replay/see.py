@@ -8,6 +8,7 @@ show it have it at the same place now, most of the time.
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from drivers.api import ignore
 from drivers.api.senses import CameraKeys
@@ -123,8 +124,8 @@ def _views(record: Record, camera: CameraKeys, interests: Interests) -> Iterator
         clock,
         interests=interests,
         detector=face_detector(camera),
-        field_of_view=camera.field_of_view,
-        lens=None if record.head.simulate else camera,
+        field_of_view=partial(camera.turn.view, camera.field_of_view),
+        lens=None if record.head.simulate else camera.upright(),
         report=ignore,
         seen=found.append,
     )

@@ -93,3 +93,24 @@ def test_nobody_is_told_of_files_outside(tmp_path: Path) -> None:
         assert dict(inner) == {path: b"x"}
     note_read(path)
     assert not outer
+
+
+def test_no_password_of_a_camera_is_kept(tmp_path: Path) -> None:
+    robot = tmp_path / "far.yaml"
+    robot.write_text(
+        "robot: far\ncamera: {source: 'http://me:secret@cam:81/stream?pwd=secret', rotate: 90}\nvoice: {}\n"
+    )
+    mission = tmp_path / "look.yaml"
+    mission.write_text("mission: look\ntree: {say: hello}\n")
+    order = RunRequest(str(mission), robot=str(robot), simulate="fast")
+    with files_read() as files:
+        runner = Runner(order)
+    command = ("mission", "run", "--camera=rtsp://me:secret@cam/x")
+    contents = contents_of(order, runner.plan, load_robot(robot), files, started=STARTED, command=command)
+    kept = contents.files["robot/far.yaml"].decode()
+    assert "secret" not in kept + " ".join(contents.head.command)
+    assert "http://***@cam:81/stream?pwd=***" in kept
+    robot.write_text(kept)
+    again = load_robot(robot).camera
+    assert again is not None
+    assert again.turn.sideways

@@ -1,0 +1,35 @@
+"""Names and passwords in addresses: they belong into robot files, and neither on a terminal nor into a record."""
+
+import re
+from collections.abc import Callable
+
+_ADDRESS = re.compile(r"([A-Za-z][\w+.-]*://)([^\s'\"]+)")
+
+_WORDS = "pass|pwd|pas|auth|token|key|secret|sig|usr|user|login|session|sid"
+
+_PARAMETER = re.compile(rf"([^/?&;#=]*(?:{_WORDS})[^/?&;#=]*=)([^&;#\s'\"]*)", re.IGNORECASE)
+"""A parameter of an address that says who may look: cameras have them behind the question mark, and in the path."""
+
+MASK = "***"
+
+
+def without_secrets(text: str, *, aligned: bool = False) -> str:
+    """Return a text, such as an address, without the names and passwords of the addresses in it.
+
+    ``aligned`` keeps its length: carets below it stay where they belong.
+    """
+
+    def mask(secret: str) -> str:
+        return "*" * len(secret) if aligned else MASK
+
+    return _ADDRESS.sub(lambda found: found[1] + _masked(found[2], mask), text) if "://" in text else text
+
+
+def _masked(rest: str, mask: Callable[[str], str]) -> str:
+    """Hide all up to the last @ of the host's part, or of all, where a password holds a slash."""
+    host = re.split(r"[/?#]", rest, maxsplit=1)[0]
+    torn = "@" not in host and re.search(r":(?![0-9]*$)", host.rpartition("]")[2]) is not None
+    names, at, _ = (rest if torn else host).rpartition("@")
+    if at:
+        return mask(names) + at + _PARAMETER.sub(lambda found: found[1] + mask(found[2]), rest[len(names) + 1 :])
+    return _PARAMETER.sub(lambda found: found[1] + mask(found[2]), rest)
