@@ -123,8 +123,9 @@ class Capture:
     def read(self, timeout: float) -> CameraFrame | None:
         """Return the newest frame once it is newer than the last one given; None after ``timeout`` seconds."""
         with self._arrived:
-            self._read_at = self._clock.now()
+            self._read_at = inf  # for as long as it waits, which may be longer than a camera takes to start
             self._arrived.wait_for(lambda: self._ending.is_set() or self._newest() is not None, timeout)
+            self._read_at = self._clock.now()
             frame = None if self._ending.is_set() else self._newest()
             if frame is not None:
                 self._dropped += frame.number - self._given - 1

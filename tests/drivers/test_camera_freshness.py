@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from itertools import cycle, pairwise, repeat
 from pathlib import Path
 from queue import Queue
-from threading import Event
+from threading import Event, Thread
 
 import cv2
 import numpy as np
@@ -230,6 +230,24 @@ def test_pictures_that_nobody_reads_are_not_decoded_and_the_camera_stays_online(
     finally:
         feed.pictures.put(None)
         camera.close()
+
+
+def test_a_reader_that_waits_for_longer_than_a_second_gets_the_next_picture() -> None:
+    feed, clock = Counting(), ManualClock()
+    camera = opened(feed, clock, lambda _: None)
+    found = list[object]()
+    reader = Thread(target=lambda: found.append(camera.read(60.0)))
+    try:
+        reader.start()
+        wait_until(lambda: camera._capture is not None and camera._capture._arrived._waiters)  # type: ignore[attr-defined]
+        clock.advance(5.0)
+        feed.pictures.put(STILL)
+        reader.join(30.0)
+        assert len(found) == feed.decoded == 1
+    finally:
+        feed.pictures.put(None)
+        camera.close()
+        reader.join()
 
 
 def test_pictures_that_a_reader_lets_go_by_are_not_decoded_and_make_no_camera_slow() -> None:
