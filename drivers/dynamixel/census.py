@@ -60,7 +60,7 @@ def census(
 
 
 FEW_IDS = 32
-"""IDs of which each is pinged too that answers no read: of more only where no servo was found."""
+"""IDs of which each is pinged too that answers no read: of more, only the lowest ones where a servo was found."""
 
 
 def _found(bus: Bus, protocol: Protocol, ids: Sequence[int]) -> Iterator[Found]:
@@ -77,8 +77,9 @@ def _found(bus: Bus, protocol: Protocol, ids: Sequence[int]) -> Iterator[Found]:
             yield Found(At(number, protocol), bus.baud, garbled=True)
         else:
             silent.append(number)
-    if protocol != 2 and (len(ids) <= FEW_IDS or len(silent) == len(ids)):
-        yield from _find_mute(bus, [At(number, protocol) for number in silent])
+    if protocol != 2:
+        every = len(ids) <= FEW_IDS or len(silent) == len(ids)
+        yield from _find_mute(bus, [At(number, protocol) for number in silent if every or number < FEW_IDS])
 
 
 def _find_mute(bus: Bus, silent: Iterable[At]) -> Iterator[Found]:
@@ -110,8 +111,11 @@ def _described(bus: Bus, known: Identity, damaged: int) -> Found:
     at, model = known.at, model_of(known.number)
     found = Found(at, bus.baud, model, known.number, known.firmware, faults=bus.faults(at.id) & LASTING)
     if model is not None:
-        with suppress(NoReply, BadRequest):  # it was there a moment ago: what cannot be read stays unknown
+        try:
             found = _measured(bus, found, model)
+        except (NoReply, BadRequest):  # it was there a moment ago: what cannot be read stays unknown
+            if at.protocol == 2 and bus.tally(at.id).corrupt == damaged:  # whose ping tells the model
+                found = replace(found, mute=bus.answers_ping(at, tries=1))
     return replace(found, garbled=bus.tally(at.id).corrupt > damaged)
 
 

@@ -171,7 +171,10 @@ def _narrower(joint: Joint, low: int, high: int) -> str:
     if joint.at.protocol != "STS":
         return f"{limits} in the robot file"
     if path := _lerobot_file(joint):
-        return f"LeRobot has calibrated it: write calibration: {path} in the robot file, and leave the limits out"
+        return (
+            f"LeRobot has calibrated it: write calibration: {path} in the robot file, and leave the limits out "
+            "(mission robot new writes such a file)"
+        )
     return (
         f"it was calibrated, by LeRobot perhaps: name its file in the robot file (calibration: {LEROBOT_FILES}) and "
         f"leave the limits out, or {limits}"

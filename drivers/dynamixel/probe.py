@@ -123,10 +123,10 @@ def _asked(codec: Codec, baud: int, number: int) -> Generator[Ask, bytes, Unit |
         heard = yield _question(codec, baud, number, None, patience=PATIENT)
         replies, damaged = _replies(codec, heard)
         there = any(reply.id == number for reply in replies)
-        if there and not damaged and protocol == 1:
+        if there and not damaged and protocol != "STS":
             answered = yield _question(codec, baud, number, IDENTITY[protocol], patience=PATIENT)
             if not answered and not (yield from _answers_twice(codec, baud, number)):
-                return Unit(number, "?", MUTE)
+                return Unit(number, _pinged_model(replies, protocol), MUTE)
         return Unit(number, "?", TWO) if there or (damaged and HEADER in heard) else None
     where, own = MODEL_AND_ID[protocol]
     kind = unpack_from("<H", identity.data, where)[0]
@@ -143,6 +143,12 @@ def _asked(codec: Codec, baud: int, number: int) -> Generator[Ask, bytes, Unit |
     name = f"number {kind}" if model is None else model.name
     two = (model and state is None) or (yield from _answers_twice(codec, baud, number))
     return Unit(number, name, TWO if two else (identity.faults & LASTING).words)
+
+
+def _pinged_model(replies: Sequence[Reply], protocol: Protocol) -> str:
+    """Return the model that answers to pings say, which in protocol 1.0 say nothing."""
+    model = model_of(unpack_from("<H", replies[0].data)[0]) if protocol == 2 and len(replies[0].data) > 1 else None
+    return model.name if model is not None else "?"
 
 
 def _answers_twice(codec: Codec, baud: int, number: int) -> Generator[Ask, bytes, bool]:

@@ -57,6 +57,11 @@ def calibration_of(servos: Mapping[int, Calibrated]) -> tuple[str, Mapping[int, 
     return None
 
 
+def is_wheel(motor: str) -> bool:
+    """Say whether a motor is a wheel by its name, as those of the base of a LeKiwi are."""
+    return "wheel" in motor.lower()
+
+
 def shown(path: Path) -> str:
     """Return a path as a robot file may name it, short where it is in the home folder."""
     try:

@@ -188,3 +188,14 @@ def test_a_missing_id_costs_only_milliseconds() -> None:
     before = line.clock.now()
     list(census(line.bus(), [1_000_000], (1,)))
     assert line.clock.now() - before < 254 * 6e-3
+
+
+@pytest.mark.parametrize("model", ["AX-12A", "XL430-W250"])
+def test_a_servo_that_answers_pings_alone_is_found_among_others(model: str) -> None:
+    mute = VirtualServo(4, model=model)
+    mute.set("status_return_level", 0)
+    line = wired(VirtualServo(2, model=model), mute)
+    found = {row.at.id: row for row in census(line.bus(), [1_000_000], ids=range(253))}
+    assert sorted(found) == [2, 4]
+    assert found[4].mute
+    assert not found[2].mute

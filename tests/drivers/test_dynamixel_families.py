@@ -160,6 +160,17 @@ def test_the_tools_name_it_show_its_registers_and_set_its_id(
         assert servo.get("id") == 2
 
 
+@pytest.mark.parametrize(("model", "name"), [("AX-12A", "?"), ("XM430-W350", "XM430-W350")])
+def test_ports_tell_how_to_wake_a_servo_that_answers_pings_alone(model: str, name: str) -> None:
+    mute = VirtualServo(4, model=model)
+    mute.set("status_return_level", 0)
+    answer = put(resolved(DYNAMIXEL.probe), HandAsked(VirtualServoBus([mute])))
+    assert answer is not None
+    assert [(unit.id, unit.model) for unit in answer.units] == [(4, name)]
+    assert "status return level is 0" in answer.trouble
+    assert "mission servo set 4 status_return_level 2" in answer.hint
+
+
 # --- 7.4 V and 12 V ---------------------------------------------------------------------------------------------------
 
 

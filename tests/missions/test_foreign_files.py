@@ -135,9 +135,11 @@ def test_dynamixel_workbench_gives_names_and_ids_and_says_what_lacks(mission: Mi
 
 
 def test_a_calibration_of_lerobots_becomes_an_arm_that_names_it(mission: Mission) -> None:
-    Path("mine.json").write_text(NEW)
+    wheel = {"id": 7, "drive_mode": 0, "homing_offset": 0, "range_min": 0, "range_max": 4095}
+    Path("mine.json").write_text(json.dumps({**json.loads(NEW), "base_left_wheel": wheel}))
     outcome = mission("servo import mine.json --port /dev/ttyACM0 -o so101_robot.yaml")
     assert outcome.code == 0, outcome.err
+    assert "motor 'base_left_wheel' is left out" in outcome.err
     arm = load_robot(Path("so101_robot.yaml")).keys(FeetechKeys)
     assert arm is not None
     assert Path(arm.calibration).expanduser() == Path("mine.json").absolute()

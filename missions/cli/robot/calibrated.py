@@ -8,7 +8,7 @@ from drivers.dynamixel.bus import At
 from drivers.dynamixel.models import MODELS
 from drivers.errors import DriverError
 from drivers.feetech.declared import FeetechKeys
-from drivers.feetech.lerobot import Calibrated, calibration_of
+from drivers.feetech.lerobot import Calibrated, calibration_of, is_wheel
 from missions.cli.robot.dialogue import Dialogue
 from missions.cli.robot.parts import Part
 from missions.cli.robot.servos import opened
@@ -34,6 +34,7 @@ def take_calibration(talk: Dialogue, arm: str, part: Part, path: str, *, patienc
     part.section["joints"] = {
         name: {"id": number} | {key: it for key, it in known.get(number, {}).items() if key not in FROM_FILE}
         for number, name in names.items()
+        if not is_wheel(name)
     }
     part.section = {"calibration": file, **part.section}
     groups = part.section.get("groups", {})

@@ -16,7 +16,7 @@ from drivers.dynamixel.models import MODELS, Model
 from drivers.errors import BadRequest
 from drivers.feetech.calibration import load
 from drivers.feetech.declared import FeetechJointKeys
-from drivers.feetech.lerobot import shown
+from drivers.feetech.lerobot import is_wheel, shown
 
 PAIRED = (
     "joint '{0}' has two servos ({1} and {2}), which have to turn together: such a joint is not driven here, and one "
@@ -165,9 +165,11 @@ def _lerobot(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: M
             "an arm of Dynamixels that LeRobot calibrated is not driven here: its servos count from elsewhere"
         )
     load(str(path))
-    found.joints.update(
-        {name: FeetechJointKeys(id=part["id"], written_model=model.name) for name, part in data.items()}
-    )
+    for name, part in data.items():
+        if is_wheel(name):
+            found.notes.append(f"motor '{name}' is left out: a wheel is no joint")
+        else:
+            found.joints[name] = FeetechJointKeys(id=part["id"], written_model=model.name)
     found.calibration = shown(path.resolve())
 
 
