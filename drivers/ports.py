@@ -68,11 +68,11 @@ DEBUG_CONNECTOR, PINS = "/dev/ttyAMA10", "/dev/ttyAMA0"
 """Serial ports of a Raspberry Pi 5: of its debug connector, where /dev/serial0 leads, and of GPIO 14 and 15."""
 
 UART_ON = "dtparam=uart0=on in /boot/firmware/config.txt, and a restart"
-"""What switches the port of the pins on."""
+"""The setting that switches the port of the pins on."""
 
 DEBUGGING = f"leads to the debug connector of this Raspberry Pi 5 ({DEBUG_CONNECTOR}), not to its pins"
 PINS_CURE = f"port: {PINS}  (GPIO 14 and 15, after {UART_ON})"
-"""What is said of it."""
+"""The message about a link to the debug connector, and its hint."""
 
 _PI_5 = re.compile(r"Raspberry Pi (5|500|Compute Module 5)\b")
 

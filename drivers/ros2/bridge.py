@@ -1,8 +1,8 @@
 """ROS 2 as zenoh-bridge-ros2dds has it: robots that speak DDS (TurtleBot 4, Create 3, Humble, micro-ROS) over Zenoh.
 
-A key is the name without its first "/": no domain, no type, no hash. Payloads are CDR; nothing is attached. What there
-is, the bridge says by tokens. See README.md and src/liveliness_mgt.rs of eclipse-zenoh/zenoh-plugin-ros2dds. Nothing
-here opens anything.
+A key is the name without its first "/": no domain, no type, no hash. Payloads are CDR; nothing is attached. The bridge
+announces topics, services and actions by tokens. See README.md and src/liveliness_mgt.rs of
+eclipse-zenoh/zenoh-plugin-ros2dds. Nothing here opens anything.
 """
 
 from drivers.ros2 import wire
@@ -34,7 +34,7 @@ def service_token(zid: str, name: str, kind: str) -> str | None:
 
 
 def entities(key: str) -> list[Entity]:
-    """Return what a token tells of, the end points of an action one by one; nothing for one that is not understood."""
+    """Return the entities that a token announces, each end point of an action; none for a token of another form."""
     parts = key.split("/")
     if len(parts) < 3 or parts[0] != "@" or parts[2] != wire.ADMIN:
         return []

@@ -61,7 +61,7 @@ class TopicFaults:
         self._tell(topic)
 
     def why(self, number: int) -> str:
-        """Return what is wrong with a topic now; empty for nothing."""
+        """Return the fault of a topic now; empty if it has none."""
         return self._why(self._topics[number])
 
     def _why(self, topic: str) -> str:
@@ -79,5 +79,5 @@ class TopicFaults:
 
 
 def hint_for(topic: str) -> str:
-    """Return what to type about a topic."""
+    """Return the command that shows the messages of a topic."""
     return f"`mission ros2 echo {topic}` shows what comes; is its node built for the ROS 2 of this robot?"

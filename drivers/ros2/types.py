@@ -195,11 +195,11 @@ _ENCAPSULATIONS = {
     2: "a parameter list (PL_CDR)", 3: "a parameter list (PL_CDR)", 6: "XCDR2", 7: "XCDR2", 8: "XCDR2 (delimited)",
     9: "XCDR2 (delimited)", 10: "XCDR2 (parameter list)", 11: "XCDR2 (parameter list)",
 }  # fmt: skip
-"""What DDS has besides CDR, by the second byte of a payload."""
+"""The encodings of DDS besides CDR, by the second byte of a payload."""
 
 
 def _encapsulation_fault(payload: bytes) -> str:
-    """Return what is wrong with the header of a payload; empty for CDR."""
+    """Return the fault of the header of a payload; empty for CDR."""
     if len(payload) < 4:
         return "too short for the header of CDR"
     if payload[0] == 0 and payload[1] in (0, 1):

@@ -1,7 +1,7 @@
 """Which button and which stick of a game pad does what: as its kernel driver names them, known, or taught.
 
 Only a driver that knows a pad names its buttons by their places. Others, such as pads in D mode, number them, and each
-maker numbers in another order: a pad that nobody knows is refused until a person has taught it.
+maker numbers in another order: an unknown pad is refused until a person has taught it.
 """
 
 from collections.abc import Iterator, Mapping
@@ -60,7 +60,7 @@ class PadLayout:
     left: Stick = Stick(events.STICK_X)
 
     def faults(self) -> Iterator[str]:
-        """Yield what contradicts itself."""
+        """Yield the contradictions in the layout."""
         controls = [self.hold, self.enable, *self.stops]
         if not self.stops:
             yield "nothing stops the robot"
@@ -147,7 +147,7 @@ def layout_for(path: str, model: PadModel | None, taught: Mapping[str, PadLayout
 
 
 class PadState:
-    """What a person does with a pad of a layout: is it held, and where is the stick. ``spans`` are its axes."""
+    """The state of a pad of a layout: is ``hold`` pressed, and where is the stick. ``spans`` are those of its axes."""
 
     def __init__(self, layout: PadLayout, spans: Mapping[int, events.Span], dead: float) -> None:
         self.layout = layout
@@ -158,7 +158,7 @@ class PadState:
         self.held = False  # since it was pressed, without a gap in what is known
 
     def forget(self) -> None:
-        """Let go: nobody knows whether it is held, nor where the stick is."""
+        """Let go: events were lost, so the state of buttons and stick is not known."""
         self.held = False
         self._values.clear()
         self._pressed.clear()

@@ -49,7 +49,7 @@ class TeachingError(DriverError):
 
 
 class PadEvents(Protocol):
-    """What teaching needs of a pad."""
+    """The part of a pad that teaching needs."""
 
     def events(self) -> list[Event]:
         """Return the events that have come, without waiting. Raises NotConnected: it has gone."""
@@ -58,7 +58,7 @@ class PadEvents(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Movement:
-    """What happened from one rest to the next: ``buttons`` that were pressed, axes with where they rest and went."""
+    """The changes from one rest to the next: ``buttons`` that were pressed, and axes that moved."""
 
     buttons: tuple[int, ...]
     axes: Mapping[int, tuple[int, int, float]]  # rest, farthest value, share of the span between them
@@ -254,7 +254,7 @@ def _leans(state: PadState, there: Stick, other: Stick) -> bool:
 
 
 def _role(control: Control, taken: Mapping[Control, str]) -> str | None:
-    """Return what a control does already: a trigger's values differ a little from one press to the next."""
+    """Return the role that a control has already: values of a trigger differ a little from press to press."""
     for other, role in taken.items():
         same = (control.kind, control.code) == (other.kind, other.code)
         if same and (control.rest is None or (control.end > control.rest) == (other.end > (other.rest or 0))):
