@@ -123,17 +123,17 @@ def _pasted(fault: Diagnostic) -> str:
 def closest(word: str, known: Iterable[str]) -> str:
     """Return the known word that may be meant by ``word``, or the empty string.
 
-    A short word has to be its beginning, or one slip away: of "dance", "race" has more than half the letters. A word
-    that says the opposite is never meant.
+    A short word has to be its beginning, or one slip away: of "dance", "race" has more than half the letters. Where
+    that is the opposite of ``word``, nothing is meant.
     """
+    spelt = {each.lower(): each for each in known}
     meant = word.lower()
-    spelt = {each.lower(): each for each in known if not opposite(meant, each.lower())}
     if len(meant) > SHORT:
         close = get_close_matches(meant, spelt, n=1, cutoff=0.6)
     else:
         like = [each for each in spelt if one_slip(meant, each) or each.startswith(meant)]
         close = get_close_matches(meant, like, n=1, cutoff=0.51)
-    return spelt[close[0]] if close else ""
+    return spelt[close[0]] if close and not opposite(meant, close[0]) else ""
 
 
 NEGATIONS = frozenset({"not", "no", "non", "never", "without", "isnt"})

@@ -1,6 +1,7 @@
 """From YAML nodes to steps: a word, one key with a value, a mapping or a list, and the modifiers beside it."""
 
 import re
+from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +22,7 @@ from missions.language.plan import UNKNOWN, Hole, Step
 from missions.language.stored import setters
 from missions.language.submissions import leads_to, read_submission
 from missions.language.switches import read_switch
-from missions.language.synonyms import WORDS, word_meant
+from missions.language.synonyms import COMPARISON, WORDS, word_meant
 from missions.language.values import UNREAD, Value
 from missions.language.written import as_written, written_arguments, written_entries
 
@@ -81,7 +82,7 @@ def _with_modifiers(notes: Notes, node: Mapping) -> Step:
     unknown: list[Node] = []
     for key, value in node.entries:
         if not (_is_behaviour(notes, key.text) or key.text in MODIFIERS or key.text in BESIDE):
-            _unknown(notes, key, "modifier" if behaviours else "behaviour", alone=False)
+            _unknown(notes, key, "modifier" if behaviours else "behaviour", alone=False, beside=[*node.keys()])
             _read_below(notes, value)
             unknown.append(value)
     if not behaviours and all(key.text in MODIFIERS or key.text in BESIDE for key, _ in node.entries):
@@ -195,18 +196,20 @@ def _text(node: Node | None) -> str:
     return node.text if isinstance(node, Scalar) else ""
 
 
-def _unknown(notes: Notes, key: Scalar, what: str, *, alone: bool) -> None:
+def _unknown(notes: Notes, key: Scalar, what: str, *, alone: bool, beside: Collection[str] = ()) -> None:
     """Note an unknown word, with what may have been meant."""
-    beside, composites = (*MODIFIERS, *BESIDE), BRANCHES
-    words = [*notes.leaves, *composites, *([] if alone else beside)]
+    modifiers, composites = (*MODIFIERS, *BESIDE), BRANCHES
+    words = [*notes.leaves, *composites, *([] if alone else modifiers)]
     found = re.match(r"(\w+)[:\s]\s*(.*)", key.text)
     if " - " in key.text:
         hint = "the '- ' of a list must stand one below the other, in one column"
+    elif key.text == "do" and not {"while", "until"}.isdisjoint(beside):
+        hint = COMPARISON  # a loop, which neither of them is
     elif found is not None and found[1] in words:
         hint = f"write '{found[1]}: {found[2]}', with a colon and a blank"
     else:
         hint = _as_mission(notes, key.text, alone=alone)
-        hint = hint or word_meant(key.text, notes.leaves, composites, beside, alone=alone)
+        hint = hint or word_meant(key.text, notes.leaves, composites, modifiers, alone=alone)
         skipped = getattr(notes.leaves, "skipped", ())
         hint = hint or (f"it may be defined by what could not be loaded: {', '.join(skipped)}" if skipped else LISTED)
     notes.fault(key.mark, f"unknown {what} {seen(key.text)}", hint, sure=True)

@@ -139,6 +139,7 @@ def test_where_nothing_is_close_all_words_are_listed_once() -> None:
 )
 def test_a_word_is_never_taken_for_its_opposite(word: str, known: str) -> None:
     assert closest(word, [known]) == closest(known, [word]) == ""
+    assert closest(word, [known, "something_else", "docking", "charged"]) == ""
 
 
 @pytest.mark.parametrize(

@@ -464,6 +464,13 @@ def test_a_word_that_nothing_here_means_gets_no_form(word: str) -> None:
     assert hint_for(word) == COMPARISON
 
 
+@pytest.mark.parametrize("word", ["while", "until"])
+def test_a_loop_of_other_languages_is_no_guard(word: str) -> None:
+    with pytest.raises(InvalidFileError) as caught:
+        check_plan(Source("m.yaml", f"mission: m\ntree:\n  {word}: face.seen\n  do: [stop]\n"), LEAVES, {})
+    assert caught.value.faults[0].suggestion == COMPARISON
+
+
 NOTHING = (
     "undocked not_bumped face_not_seen no_face_seen joint_unloaded until_not_seen reactive_race any_success "
     "all_success weighted_choice tag_cooldown simple_race random_parallel guard_selector monitor finally abort rate hz "
