@@ -111,8 +111,7 @@ class Gate:
     def _by_cookie(self, scope: Scope, headers: Headers, query: dict[str, list[str]]) -> Response | None:
         """Do the same for a request that shows no token."""
         path, proof = scope["path"], query.get(PROOF, [""])[0]
-        cookies = _cookies(headers.get("cookie", ""), self._cookie_name(headers["host"]))
-        sign_ins = [found for value in cookies if (found := self._access.by_cookie(value)) is not None]
+        sign_ins = self._sign_ins(headers)
         opened = SOCKET if path == PAGE else path
         proved = next((each for each in sign_ins if each.is_proved(opened, proof)), None)
         if not sign_ins:
@@ -128,19 +127,25 @@ class Gate:
 
     def _entry(self, scope: Scope, query: dict[str, list[str]], role: Role) -> Response:
         """Return the answer that turns a link with a token into a cookie and a proof: no token stays in the history."""
-        value, sign_in = self._access.sign_in(role)
+        headers = Headers(scope=scope)
+        value = ""
+        sign_in = next((each for each in self._sign_ins(headers) if each.role == role), None)
+        if sign_in is None:  # else other tabs of this browser have links that are proved by it
+            value, sign_in = self._access.sign_in(role)
         proof = sign_in.proof(SOCKET if scope["path"] == PAGE else scope["path"])
         rest = {name: values for name, values in query.items() if name != TOKEN}
         response = _redirected(scope, rest | {PROOF: [proof]})
-        name = self._cookie_name(Headers(scope=scope)["host"])
-        secure = scope["scheme"] in ("https", "wss")
-        # Not `strict`: the page that `--open` starts with, and a link in a mail, are other sites to a browser.
-        response.set_cookie(name, value, httponly=True, samesite="lax", path="/", secure=secure)
+        if value:
+            secure = scope["scheme"] in ("https", "wss")
+            # Not `strict`: the page that `--open` starts with, and a link in a mail, are other sites to a browser.
+            name = _cookie_name(headers)
+            response.set_cookie(name, value, httponly=True, samesite="lax", path="/", secure=secure)
         return response
 
-    def _cookie_name(self, host: str) -> str:
-        """Return the name of the cookie: of one host name, each port has its own studio, also behind a tunnel."""
-        return f"missiontree_{urlsplit(f'//{host}').port or ''}"
+    def _sign_ins(self, headers: Headers) -> list[SignIn]:
+        """Return the sign-ins whose cookies a browser has sent; a server on another port may have added others."""
+        values = _cookies(headers.get("cookie", ""), _cookie_name(headers))
+        return [found for value in values if (found := self._access.by_cookie(value)) is not None]
 
     def _known(self, host: str) -> bool:
         """Say whether a Host header has a name of this studio in it."""
@@ -180,6 +185,11 @@ def _same(origin: str, host: str) -> bool:
     """Say whether an Origin is that of the page which is served at ``host``; "null" is nobody's."""
     scheme, _, rest = origin.partition("://")
     return scheme in ("http", "https") and rest.lower() == host.lower()
+
+
+def _cookie_name(headers: Headers) -> str:
+    """Return the name of the cookie: of one host name, each port has its own studio, also behind a tunnel."""
+    return f"missiontree_{urlsplit('//' + headers['host']).port or ''}"
 
 
 def _cookies(header: str, name: str) -> Iterator[str]:

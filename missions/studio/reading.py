@@ -73,7 +73,8 @@ MAX_ID_TOKENS = 4096
 """Brackets and texts of a message that is not JSON among which its id is looked for."""
 
 _MAX_ID = 2**53
-_TOKENS = re.compile(r'"(?:[^"\\]|\\.)*(?:"|$)|[\[{]+|[\]}]+', re.DOTALL)
+# A text always matches to its end, and is never tried again from a shorter one: else a long one takes minutes.
+_TOKENS = re.compile(r'"(?:[^"\\]|\\.)*+(?:"|\\?\Z)|[\[{]+|[\]}]+', re.DOTALL)
 _ID_VALUE = re.compile(r"\s*:\s*(-?\d{1,16})\s*(?:[,}]|$)")
 
 

@@ -85,6 +85,16 @@ def test_the_proof_of_one_path_opens_no_other(served: Served) -> None:
     assert refused(served, f"ws://{served.host}/ws?{proof}", cookie) == HTTPStatus.UNAUTHORIZED
 
 
+def test_a_second_tab_leaves_the_links_of_the_first_one_as_they_are(served: Served) -> None:
+    cookie, where = served.sign_in(served.operator, "/records/none.mcap")
+    status, headers, _ = served.get(f"/?token={served.operator}", Cookie=cookie)
+    assert (status, "set-cookie" in headers) == (HTTPStatus.SEE_OTHER, False)
+    assert served.get(headers["location"], Cookie=cookie)[0] == HTTPStatus.OK
+    assert served.get(where, Cookie=cookie)[0] == HTTPStatus.NOT_FOUND
+    _, headers, _ = served.get(f"/?token={served.viewer}", Cookie=cookie)
+    assert "set-cookie" in headers  # that of another role
+
+
 def test_a_link_elsewhere_does_not_give_the_page_another_proof(served: Served) -> None:
     cookie, where = served.sign_in(served.operator)
     assert served.get(where, Cookie=cookie)[0] == HTTPStatus.OK

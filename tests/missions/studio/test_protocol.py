@@ -111,6 +111,8 @@ def test_however_deep_a_command_is_it_is_refused_by_name(line: str) -> None:
         ("7", None),
         ("null", None),
         ('"id": 7', None),
+        ('{"' + '\\"' * 60_000 + "\\", None),  # took minutes where each text was tried from every quote
+        ('{"id": 7,,' + '"' * 100_001, 7),
     ],
 )
 def test_the_id_of_a_malformed_command_is_found(message: str | bytes, number: int | None) -> None:
