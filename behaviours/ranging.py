@@ -5,6 +5,7 @@ import math
 from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS, Leaf, argument
+from drivers.api.measures import length_text
 
 
 class ObstacleWithin(Leaf):
@@ -26,5 +27,5 @@ class ObstacleWithin(Leaf):
         if reading.value is None or not reading.good:
             return self.suspend("range finder")
         nearest = reading.value.nearest(0.0, self.sector)
-        self.feedback_message = f"{nearest:.2f} m away" if math.isfinite(nearest) else "nothing in sight"
+        self.feedback_message = f"{length_text(nearest)} away" if math.isfinite(nearest) else "nothing in sight"
         return SUCCESS if nearest <= self.distance else self.fail(self.feedback_message)

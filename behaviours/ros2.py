@@ -10,6 +10,7 @@ from behaviours.driving.motion import held_up
 from behaviours.leaf import SUCCESS, Leaf, argument
 from behaviours.requesting import INTERRUPTED, Requesting, ended, read
 from drivers.api import Duration, Progress
+from drivers.api.measures import length_text
 from drivers.errors import BadRequest
 
 
@@ -87,7 +88,7 @@ class Navigate(_Driving):
         if not isinstance(left, int | float):
             return f"Nav2: {progress.state}"
         again = told.get("number_of_recoveries") or 0
-        return f"{left:.1f} m to go" + (f", {again} times stuck" if again else "")
+        return f"{length_text(left)} to go" + (f", {again} times stuck" if again else "")
 
     def update(self) -> Status:
         status = super().update()

@@ -10,6 +10,7 @@ from behaviours.driving.spin import Spin
 from behaviours.driving.time_limit import seconds_to_drive, seconds_to_turn
 from behaviours.leaf import SUCCESS, argument
 from drivers.api import BaseState, Length, Pose2D, Ros2, Velocity
+from drivers.api.measures import length_text
 from drivers.api.ros2 import START
 
 TURN_SPEED = math.radians(60)
@@ -70,7 +71,7 @@ class GoTo(Entrusting, Spin):
 
     def watch(self, state: BaseState) -> str:
         self.result = math.hypot(self.x - state.pose.x, self.y - state.pose.y)
-        return f"{self.result:.2f} m to go, by Nav2"
+        return f"{length_text(self.result)} to go, by Nav2"
 
     def resume(self, state: BaseState) -> None:
         super().resume(state)
@@ -90,7 +91,7 @@ class GoTo(Entrusting, Spin):
         if self._there:
             return self._face(state)
         aside = math.remainder(math.atan2(dy, dx) - pose.heading, math.tau)
-        near, doing = away <= self.tolerance, f"{away:.2f} m to go"
+        near, doing = away <= self.tolerance, f"{length_text(away)} to go"
         turn = max(-TURN_SPEED, min(TURN_SPEED, EAGERNESS * aside))
         self._turns = not near and not self._stopping and abs(aside) > ASIDE
         if self._turns:
@@ -110,9 +111,8 @@ class GoTo(Entrusting, Spin):
             return self._face(state)
         self._tries += 1
         if self._tries == TRIES:
-            return self.fail(
-                f"missed the place by {100 * (self.result if isinstance(self.result, float) else 0.0):.0f} cm"
-            )
+            missed = self.result if isinstance(self.result, float) else 0.0
+            return self.fail(f"missed the place by {length_text(missed)}")
         return self.wait("missed the place: once more")
 
     def _face(self, state: BaseState) -> Status:

@@ -5,6 +5,7 @@ measures. numpy is imported by who computes with arrays, and is not for a check:
 ``Array``, which says of a field that it holds one.
 """
 
+from math import isfinite
 from typing import TYPE_CHECKING, Annotated
 
 
@@ -35,3 +36,17 @@ Length = Annotated[float, "length"]
 
 Duration = Annotated[float, "duration"]
 """Seconds."""
+
+
+def length_text(metres: float) -> str:
+    """Return a length as messages write it: "4 mm" below 1 cm, "35 cm" below 1 m, then "1.25 m"."""
+    size = abs(metres)
+    if not isfinite(metres):
+        return "an unknown distance"
+    if size < 0.0005:
+        return "0 m"
+    if size < 0.0095:
+        return f"{1000 * metres:.0f} mm"
+    if size < 0.995:
+        return f"{100 * metres:.0f} cm"
+    return f"{round(metres, 2):.3g} m" if size < 999.5 else f"{metres:.0f} m"

@@ -66,11 +66,6 @@ def reported_by(instrument: str) -> str:
     return f"{instrument} {'report' if instrument.endswith('s') else 'reports'}"
 
 
-def metres(way: float) -> str:
-    """Return a way in words."""
-    return f"{way:.2f} m" if abs(way) >= 0.005 else "0 m"
-
-
 def overcurrent(state: BaseState) -> str:
     """Say which wheels are overloaded."""
     wheels = "wheels" if state.overcurrent.left and state.overcurrent.right else "wheel"

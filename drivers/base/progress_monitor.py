@@ -10,6 +10,7 @@ from math import degrees
 from typing import Protocol
 
 from drivers.api import STILL, BaseState, Pose2D, Velocity
+from drivers.api.measures import length_text
 from drivers.api.quick import dataclass
 from drivers.base.motion_fault import (
     ANGULAR_CAUSES,
@@ -18,7 +19,6 @@ from drivers.base.motion_fault import (
     commanded,
     felt,
     hint_of,
-    metres,
     overcurrent,
     reported_by,
 )
@@ -208,7 +208,7 @@ class ProgressMonitor:
         if off is None:
             return None
         told = commanded(Velocity(sent.linear or (low + high) / 2 / motion.at, 0.0))
-        found = f"{reported_by(self._instruments.linear)} {metres(measured)}"
+        found = f"{reported_by(self._instruments.linear)} {length_text(measured)}"
         cause, hint = LINEAR_CAUSES[off]
         if off == "none" and 0.0 < abs(sent.linear) < CRAWL:
             cause += ", or its motors cannot turn so slowly"

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.api import STILL, DeviceStatus, Ranger, RangeScan, Report, Velocity
+from drivers.api.measures import length_text
 from drivers.api.range_guard import IN_THE_WAY, MIN_GAP, OUT_OF_SIGHT, SCANS_LATE, SCANS_MISSING
 from drivers.base.footprint import Floats, Outline, PathPoses
 from drivers.base.limits import Limits
@@ -314,4 +315,5 @@ def _words(distance: float, x: float, y: float) -> str:
         where = f"on the {side}"
     else:
         where = "behind" if abs(angle) >= 150 else f"behind on the {side}"
-    return f"{IN_THE_WAY}, {max(distance, 0.0):.1f} m {where}"
+    step = 0.1 if distance > 0.1 else 0.02  # coarse: each other text is another event
+    return f"{IN_THE_WAY}, {length_text(step * round(max(distance, 0.0) / step))} {where}"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.api import BaseState, Imu, Pose2D, Ranger
-from drivers.api.measures import Ranges
+from drivers.api.measures import Ranges, length_text
 from drivers.api.quick import dataclass
 from drivers.base.footprint import Floats, Outline, PathPoses
 from drivers.base.motion_fault import MotionFault
@@ -103,7 +103,7 @@ class ScanWitness:
             return None
         motion = moved(before.pose, look.pose)
         how = "was commanded to move" if state.reckoned else "measures"
-        believed = f"{motion.linear:.2f} m and {degrees(motion.angular):.0f} deg"
+        believed = f"{length_text(motion.linear)} and {degrees(motion.angular):.0f} deg"
         what = f"the base {how} {believed} in {now - before.at:.1f} s, but {said}"
         return MotionFault(what, "free its wheels; look at motors, encoders and their cables, and at the range finder")
 

@@ -8,6 +8,7 @@ from math import cos, sin
 import numpy as np
 import numpy.typing as npt
 
+from drivers.api.measures import length_text
 from drivers.errors import BadRequest
 from drivers.legs.body import SIDES, Body, Floats
 from drivers.legs.declared import StrideKeys
@@ -107,7 +108,7 @@ def manner_of(body: Body, stride: StrideKeys) -> Manner:
     height = stride.height + float((turning(Y, np.array(stride.lean)) @ centre)[2])
     if not height > LOWEST:
         hint = "z is up: look at `centre` of trunk and links, and at stride.height"
-        raise BadRequest(f"base: the body's centre of mass would be {height:.2f} m above its soles", hint=hint)
+        raise BadRequest(f"base: the body's centre of mass would be {length_text(height)} above its soles", hint=hint)
     return Manner(
         step=stride.period / 2,
         double_support=stride.double_support,

@@ -93,12 +93,12 @@ def test_conditions_are_suspended_while_the_base_does_not_report() -> None:
 @pytest.mark.parametrize(
     ("angle", "distance", "sector", "status", "reason"),
     [
-        (0, 0.5, 60, SUCCESS, "0.50 m away"),
-        (29, 0.5, 60, SUCCESS, "0.50 m away"),
-        (-29, 0.5, 60, SUCCESS, "0.50 m away"),
+        (0, 0.5, 60, SUCCESS, "50 cm away"),
+        (29, 0.5, 60, SUCCESS, "50 cm away"),
+        (-29, 0.5, 60, SUCCESS, "50 cm away"),
         (31, 0.5, 60, FAILURE, "nothing in sight"),
-        (180, 0.5, 360, SUCCESS, "0.50 m away"),
-        (0, 0.7, 60, FAILURE, "0.70 m away"),
+        (180, 0.5, 360, SUCCESS, "50 cm away"),
+        (0, 0.7, 60, FAILURE, "70 cm away"),
     ],
 )
 def test_an_obstacle_counts_within_its_distance_and_sector(

@@ -28,7 +28,7 @@ def test_it_drives_to_a_place_by_name_and_says_how_far_it_is() -> None:
     bench.ros2.comes = Progress(GoalState.RUNNING, feedback='{"distance_remaining": 2.34, "number_of_recoveries": 1}')
     assert bench.tick(leaf) is RUNNING
     assert bench.ros2.commands == [("navigate", ((1.0, 2.0, 0.5),), "map")]
-    assert leaf.feedback_message == "2.3 m to go, 1 times stuck"
+    assert leaf.feedback_message == "2.34 m to go, 1 times stuck"
     bench.ros2.comes = Progress(GoalState.SUCCEEDED, result='{"error_code": 0}')
     assert bench.tick(leaf) is SUCCESS
     assert leaf.result == {"error_code": 0}
