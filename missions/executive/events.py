@@ -117,7 +117,8 @@ class CommandSent(Event):
 class VariableSet(Event):
     """A variable has another value: of the mission, or of the one inside it whose node has ``scope`` as its key.
 
-    Params are told once, at the start. What is not known, or not there any more, is None.
+    Params are told once, at the start. What is not known, or not there any more, is None. ``dimension`` is that of a
+    quantity ("length"), whose value is in SI units.
     """
 
     event: ClassVar[str] = "variable"
@@ -125,6 +126,7 @@ class VariableSet(Event):
     scope: str
     name: str
     value: object
+    dimension: str | None = None
 
 
 @dataclass(slots=True)

@@ -48,7 +48,8 @@ class Changes:
         time, tick = self._run.clock.now(), self._run.tick
         for scope, variables, told in self._scopes:
             for name, value in _news(variables, told):
-                self._stream.emit(VariableSet(time, tick, scope, name, value))
+                dimension = value.dimension if isinstance(value, Quantity) else None
+                self._stream.emit(VariableSet(time, tick, scope, name, value, dimension))
 
 
 def _news(variables: Variables, told: Variables) -> Iterator[tuple[str, object]]:

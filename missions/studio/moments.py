@@ -16,7 +16,7 @@ from missions.studio.outlet import MOST_POINTS
 from missions.studio.pictures import found_in
 from missions.studio.wishes import Moment
 from missions.views.pictures.drawing import ACTIVE
-from missions.views.words import in_words
+from missions.views.words import variable_in_words
 from perception.api import View
 
 Json = dict[str, object]
@@ -55,7 +55,7 @@ def moment(command: Command) -> Json:
                 places = place_in(told) or places
             elif topic == "/variables":
                 event = from_json(told, VariableSet)
-                value = None if event.value is None else in_words(event.value)
+                value = None if event.value is None else variable_in_words(event)
                 variables[f"{event.scope} {event.name}".lstrip()] = value
             elif topic == "/nodes":
                 changed[told["node"]] = [told["status"], told["reason"], told["t"]]

@@ -5,7 +5,8 @@ from dataclasses import fields, is_dataclass
 from math import degrees, isfinite
 from typing import NamedTuple
 
-from config.units import written
+from config.units import Quantity, written
+from missions.executive.events import VariableSet
 from missions.language.kinds import dimensions_of
 from missions.language.values import shown
 from missions.views.pictures.draw import one_line
@@ -77,6 +78,14 @@ def in_words(value: object) -> str:
         case _:
             text = one_line(_plain(value))
     return text if len(text) <= MAX_SHOWN_LENGTH else f"{text[: MAX_SHOWN_LENGTH - 1]}…"
+
+
+def variable_in_words(event: VariableSet) -> str:
+    """Return what a variable holds; a quantity of a record, which is in SI units there, with its unit."""
+    value = event.value
+    if event.dimension and isinstance(value, int | float) and not isinstance(value, Quantity) and isfinite(value):
+        return written(value, event.dimension)
+    return in_words(value)
 
 
 def _plain(value: object) -> str:

@@ -129,6 +129,14 @@ def test_params_are_told_once_at_the_start(tmp_path: Path) -> None:
     assert [event for event in events if isinstance(event, VariableSet)] == [VariableSet(0.0, 0, "", "n", 3)]
 
 
+def test_a_quantity_is_told_with_its_dimension(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text("mission: m\nparams: {far: 30 cm}\ntree:\n  pretend: [running, success]\n")
+    events: list[Event] = []
+    missions.run(tmp_path / "m.yaml", simulate="fast", listeners=[events.append])
+    told = [event for event in events if isinstance(event, VariableSet)]
+    assert [(event.name, event.value, event.dimension) for event in told] == [("far", 0.3, "length")]
+
+
 def test_a_mission_inside_has_variables_of_its_own(tmp_path: Path) -> None:
     (tmp_path / "inner.yaml").write_text(
         "mission: inner\nparams: {n: 1}\nreturns: {twice: '${m}'}\ntree:\n  set: {m: '${n * 2}'}\n"

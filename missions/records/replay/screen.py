@@ -23,7 +23,7 @@ from missions.views.live.panels import Scene, label
 from missions.views.pictures.draw import one_line
 from missions.views.pictures.drawing import ACTIVE, SIGNS, Box, Now
 from missions.views.pictures.states import TIME_TOLERANCE, now_of
-from missions.views.words import in_words, name_of
+from missions.views.words import in_words, name_of, variable_in_words
 from perception.api import Percept
 
 LAST = 3
@@ -103,7 +103,7 @@ def lines(record: Record, start: float) -> Iterator[str]:
         elif isinstance(event, VariableSet):
             variable, seen = (event.scope, event.name), name_of(event.value) if isinstance(event.value, Percept) else ""
             if not seen or held.get(variable) != seen:
-                yield f"{event.t:8.2f} s    {event.name} = {in_words(event.value)}"
+                yield f"{event.t:8.2f} s    {event.name} = {variable_in_words(event)}"
             held[variable] = seen
         elif words := said(event):
             yield f"{event.t:8.2f} s    {words}"

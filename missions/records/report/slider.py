@@ -11,7 +11,7 @@ from missions.executive.events import NodeChanged, Ticked, VariableSet
 from missions.records.recording.read import Record
 from missions.views.pictures.draw import one_line
 from missions.views.pictures.drawing import SIGNS, Drawing
-from missions.views.words import in_words
+from missions.views.words import variable_in_words
 
 Rows = dict[str, list[tuple[int, ...]]]
 """By key, what is new at which place."""
@@ -114,7 +114,7 @@ def variables(record: Record, drawing: Drawing, moments: Moments, texts: Texts) 
             rows = found.setdefault((event.scope, event.name), [])
             # What a mission begins with, the head of a record has with its unit.
             written = "" if rows or event.scope else record.head.values.get(event.name, "")
-            row = moments.place(event.t), texts.number(written or in_words(event.value))
+            row = moments.place(event.t), texts.number(written or variable_in_words(event))
             if not rows or rows[-1][1] != row[1]:
                 rows.append(row)
     return [Variable(inner.get(scope, scope), name, rows) for (scope, name), rows in found.items()]

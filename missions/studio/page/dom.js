@@ -162,7 +162,7 @@ const notes = document.getElementById("notes");
 export function tell(what, kind = "bad", action = null) {
   const text = typeof what === "string" ? what : what.message;
   const hint = typeof what === "string" ? "" : what.hint;
-  const node = el("div", { class: `note ${kind}` }, el("span", null, text, hint && el("em", null, ` Try: ${hint}`)));
+  const node = el("div", { class: `note ${kind}` }, el("span", null, text, hint && el("em", null, `\nTry: ${hint}`)));
   if (action) node.append(action);
   action?.addEventListener("click", () => node.remove());
   node.append(button("×", () => node.remove(), { "aria-label": "Dismiss" }));

@@ -48,6 +48,8 @@ export class Drive {
   #plan = el("studio-plan");
   #alone = el("div", { hidden: true }); // begins a run without a mission
   #begun = null; // the form of it, once it was asked for
+  #target = null; // what in it says on what
+  #edition = "";
   #pad = el("p", { class: "hint" }, "Game pad: press one of its buttons to be seen.");
 
   constructor({ link, watcher, stop }) {
@@ -90,6 +92,15 @@ export class Drive {
     this.#shown = this.#camera.shown = true;
     if (this.#watcher.scene) this.#plan.under(this.#link, this.#watcher.scene.world);
     this.#state();
+    this.#renew().catch(() => null); // the robots and worlds of before are offered then
+  }
+
+  /** Offer the robots and worlds that there are now. */
+  async #renew() {
+    if (!this.#target) return;
+    const library = await this.#link.library(this.#edition);
+    this.#edition = library.edition;
+    if (library.missions) this.#target.update(library);
   }
 
   /** Where nothing runs: a robot is driven by hand in a run that does nothing by itself. */
@@ -99,7 +110,9 @@ export class Drive {
     if (!wanted || !this.#shown || this.#begun) return;
     this.#begun = this.#link.library();
     try {
-      const target = new Target(await this.#begun);
+      const library = await this.#begun;
+      const target = (this.#target = new Target(library));
+      this.#edition = library.edition;
       const seeing = toggle("With its head and its camera", true);
       const begin = button("Drive without a mission", async () => {
         begin.disabled = true;
@@ -115,7 +128,7 @@ export class Drive {
           begin.disabled = false;
         }
       }, { class: "main" });
-      this.#alone.replaceChildren(panel("Drive without a mission", "alone", target.node, seeing, el("div", { class: "actions" }, begin)));
+      this.#alone.replaceChildren(el("div", { class: "alone" }, target.node, seeing, el("div", { class: "actions" }, begin)));
     } catch (error) {
       this.#begun = null; // it is asked again when the link is there again, or this view is shown again
       tell(error);
@@ -315,6 +328,7 @@ export class Drive {
     const turn = limits && Math.round((limits.turn * share * 180) / Math.PI);
     put(this.#limit, `${this.#pace.value} %${limits ? `: ${figure(limits.speed * share)} m/s, ${turn}°/s` : ""}`);
     this.node.classList.toggle("mine", mine);
+    this.node.classList.toggle("none", !scene);
     this.#show_delay();
     this.#offer();
   }

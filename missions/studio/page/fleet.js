@@ -45,7 +45,7 @@ export class Fleet {
       this.#list.replaceChildren(...robots.map((robot) => this.#row(robot)), ...missing.map((name) => this.#row({ name, connection: "OFFLINE" })));
       this.#told = text; // once it is shown: what failed is tried again
     } catch (error) {
-      put(this.#said, [error.message, error.hint && `Try: ${error.hint}`].filter(Boolean).join(" "));
+      put(this.#said, [error.message, error.hint && `Try: ${error.hint}`].filter(Boolean).join("\n"));
     }
   }
 

@@ -46,6 +46,7 @@ export class Live {
     this.node = el("div", { class: "view live" },
       el("div", { class: "head" }, el("div", null, this.#title, this.#facts, this.#result, this.#age),
         el("div", { class: "controls", role: "group", "aria-label": "The mission" }, this.#clock, this.#pause, this.#step, this.#halt)),
+      el("div", { class: "actions begin" }, el("a", { class: "button", href: "#run" }, "Choose a mission"), el("a", { class: "button", href: "#drive" }, "Drive without a mission")),
       el("div", { class: "columns" },
         el("div", null, panel("Tree", "tree", tools, this.#tree), panel("Variables", "values", this.#variables.node)),
         el("div", null, cameras, panel("Plan", "plan", this.#plan), panel("Said and heard", "spoken", this.#spoken.node)),

@@ -79,7 +79,7 @@ export class Parts {
       put(row.level, part.level);
       const values = Object.entries(part.values ?? {}).filter(([name]) => name !== "battery").map(([name, value]) => sized(name, value));
       put(row.values, values.join(" · "));
-      put(row.detail, [part.detail, part.hint && `Try: ${part.hint}`].filter(Boolean).join(" "));
+      put(row.detail, [part.detail, part.hint && `Try: ${part.hint}`].filter(Boolean).join("\n"));
       if (part.part === "base" && part.values?.battery !== undefined) this.#charge(row, part.values.battery);
     }
   }

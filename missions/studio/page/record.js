@@ -123,7 +123,7 @@ export class Record {
     try {
       record = await this.#piece();
     } catch (error) {
-      this.node.replaceChildren(el("p", { class: "empty" }, error.message, error.hint && ` Try: ${error.hint}`));
+      this.node.replaceChildren(el("p", { class: "empty" }, error.message, error.hint && `\nTry: ${error.hint}`));
       return;
     }
     this.#record = record;

@@ -52,7 +52,7 @@ export class Records {
       if (split) table.append(row("decided", became(split.a), became(split.b)));
       for (const [what, pair] of Object.entries(settings)) table.append(row(plain(what), pair.a ?? "–", pair.b ?? "–"));
     };
-    this.#link.ask({ do: "compare", name, other }).then(show, (error) => put(said, `${error.message}${error.hint ? ` Try: ${error.hint}` : ""}`));
+    this.#link.ask({ do: "compare", name, other }).then(show, (error) => put(said, `${error.message}${error.hint ? `\nTry: ${error.hint}` : ""}`));
     return panel("Compared", "compared", said, table);
   }
 

@@ -282,6 +282,21 @@ def test_typing_a_space_is_no_stop_and_escape_is(browser: Browser, served: Serve
         page.release()
 
 
+def test_no_view_of_a_run_is_too_wide_for_phones_tablets_and_desktops(
+    browser: Browser, served: Served, tmp_path: Path
+) -> None:
+    with simulated_run(tmp_path):
+        for size in ((390, 844), (844, 390), (820, 1180), (1440, 900)):
+            page = Page(browser, served, size=size, view="#live")
+            page.wait_for("tick ")
+            for view in ("Live", "Drive", "Robot"):
+                page.go(view)
+                what = (view, size)
+                assert page.tab.evaluate("document.documentElement.scrollWidth") <= size[0], what
+                tops = page.tab.evaluate("[...document.querySelectorAll('nav a')].map((each) => each.offsetTop)")
+                assert len(set(tops)) <= 2, what  # the views stand in two rows at most
+
+
 def test_texts_of_strangers_are_texts(browser: Browser, served: Served, tmp_path: Path) -> None:
     text = json.dumps(HOSTILE)
     mission = f"mission: m\nparams: {{kept: {text}}}\ntree:\n  wait: 1000 s\n  name: {text}\n"

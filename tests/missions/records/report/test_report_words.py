@@ -1,11 +1,13 @@
 """The summary: what it says of a run, and of what is not in the record."""
 
 from dataclasses import replace
+from math import nan
 from pathlib import Path
 
 from behaviours.tracking_error import JointError
+from config.units import Quantity
 from drivers.api import HeadPose
-from missions.executive.events import Ended, FaultRaised, NodeChanged
+from missions.executive.events import Ended, FaultRaised, NodeChanged, VariableSet
 from missions.executive.tick_record import TickRecord
 from missions.records.recording.items import Missed, Picture, Seen
 from missions.records.recording.read import open_record
@@ -13,7 +15,7 @@ from missions.records.report.slider import moments_of
 from missions.records.report.study import Study, study
 from missions.records.report.summary import faults, sentences, verdict
 from missions.records.report.tables import faults_table, log_table
-from missions.views.words import about, about_all, in_words
+from missions.views.words import about, about_all, in_words, variable_in_words
 from perception.api import UNKNOWN, Marker, Scene, Thing
 from tests.cases import each
 from tests.missions.records.report.told_record import WHERE, Item, face, items, write
@@ -46,6 +48,16 @@ def test_each_number_in_an_object_has_its_unit() -> None:
         "elbow: JointError: rms 0.573 deg, worst 5.7296 deg, at 1.5 s, readings 40"
     )
     assert in_words({}) == "nothing"
+
+
+def test_a_quantity_of_a_record_has_its_unit() -> None:
+    def told(value: object, dimension: str | None) -> str:
+        return variable_in_words(VariableSet(0.0, 0, "", "x", value, dimension))
+
+    assert told(28_800.0, "duration") == "28800 s"  # as a record has it
+    assert told(Quantity(28_800.0, "duration", "8 h"), "duration") == "8 h"  # as a run has it
+    assert told(0.2, "share") == "20 %"
+    assert (told(3, None), told(None, None), told(nan, "length")) == ("3", "nothing", "nan")
 
 
 def test_what_failed_on_the_way_is_told_besides_what_the_run_failed_by(tmp_path: Path) -> None:
