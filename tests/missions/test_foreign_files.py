@@ -137,11 +137,12 @@ def test_dynamixel_workbench_gives_names_and_ids_and_says_what_lacks(mission: Mi
 def test_a_calibration_of_lerobots_becomes_an_arm_that_names_it(mission: Mission) -> None:
     wheel = {"id": 7, "drive_mode": 0, "homing_offset": 0, "range_min": 0, "range_max": 4095}
     Path("mine.json").write_text(json.dumps({**json.loads(NEW), "base_left_wheel": wheel}))
-    outcome = mission("servo import mine.json --port /dev/ttyACM0 -o so101_robot.yaml")
+    outcome = mission("servo import mine.json -o so101_robot.yaml")
     assert outcome.code == 0, outcome.err
     assert "motor 'base_left_wheel' is left out" in outcome.err
     arm = load_robot(Path("so101_robot.yaml")).keys(FeetechKeys)
     assert arm is not None
+    assert arm.port == "/dev/ttyACM0"
     assert Path(arm.calibration).expanduser() == Path("mine.json").absolute()
     assert {name: joint.id for name, joint in arm.servos.items()} == {"pan": 1, "lift": 2}
     outcome = mission("servo import mine.json --model XL330-M288")
@@ -227,6 +228,15 @@ def test_a_motion_of_roboplus_is_played_by_the_ids_of_its_servos(mission: Missio
     assert [degrees(frame.positions["wrist"]) for frame in frames] == pytest.approx([10 - 188 * tick, 10.0, 10.0])
     told = mission("servo import nod.mtn").err
     assert "nod.mtn is a motion file of RoboPlus (Bioloid, .mtn): mission servo play nod.mtn" in told
+
+
+@pytest.mark.parametrize(("driver", "model"), [("feetech", "STS3215"), ("dynamixel", "MX-28")])
+def test_a_motion_of_roboplus_moves_no_servos_with_other_steps(mission: Mission, driver: str, model: str) -> None:
+    Path("nod.mtn").write_bytes(MTN)
+    Path("bench.yaml").write_text(ARM.replace("dynamixel", driver).replace("}", f", model: {model}}}"))
+    outcome = mission("servo play nod.mtn --robot bench.yaml --dry-run")
+    assert outcome.code == 2
+    assert f"servo 1 is an {model}: it has not the 1024 steps of an AX" in outcome.err
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from missions.library.drivers import robot_of
 @click.command("import", epilog="Example: mission servo import joints.yaml -o my_robot.yaml")
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.option("--model", help="What its servos are, which no file says: AX-12A, or STS3215 for a calibration.")
-@click.option("--port", default="/dev/u2d2", show_default=True, metavar="PATH", help="Where they are plugged in.")
+@click.option("--port", metavar="PATH", help="Where they are plugged in: /dev/u2d2, or /dev/ttyACM0 for a calibration.")
 @click.option("--baud", type=Whole(min=1), default=1_000_000, show_default=True, metavar="RATE")
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), metavar="NEW", help="Write a new "
               "robot file; without it the text goes to stdout.")  # fmt: skip
@@ -33,7 +33,7 @@ from missions.library.drivers import robot_of
               "joints to an arm of a robot file of yours.")  # fmt: skip
 @arm_option
 def import_joints(
-    file: Path, model: str | None, port: str, baud: int, output: Path | None, into: Path | None, arm: str
+    file: Path, model: str | None, port: str | None, baud: int, output: Path | None, into: Path | None, arm: str
 ) -> int:
     """Import joints from a file of ROS or LeRobot.
 
@@ -47,6 +47,7 @@ def import_joints(
     found = _imported(file, model)
     if into is not None and found.calibration:
         raise click.UsageError(f"{file} is a calibration: write `calibration: {found.calibration}` in {into}")
+    port = port or ("/dev/ttyACM0" if found.calibration else "/dev/u2d2")
     text = robot_text(file.stem, found.joints, port=port, baud=baud, arm=arm, calibration=found.calibration)
     try:
         if into is not None:

@@ -14,6 +14,9 @@ from missions.hands.moves.sheet import Sheet
 
 MAX_BYTES = 5_000_000
 
+LAST = 1023
+"""The highest step of the servos that RoboPlus moves."""
+
 
 def sheet_of(path: Path, form: str, arm: ArmKeys | None) -> Sheet:
     """Return a movement as a sheet of its joints. Raises InvalidFileError for one that cannot be understood.
@@ -81,6 +84,8 @@ def _roboplus(text: str, arm: ArmKeys | None) -> dict[float, dict[str, float]]:
         for number, place in enumerate(places[: len(used)]):
             if used[number]:
                 name, joint = joints[number]
+                if joint.kind.last != LAST:
+                    raise ValueError(f"servo {number} is an {joint.model}: it has not the {LAST + 1} steps of an AX")
                 if not 0 <= place <= joint.kind.last:
                     raise ValueError(f"servo {number}, an {joint.model}, has no step {place:g}")
                 pose[name] = (joint.kind.angle(place) - joint.zero) * (-1 if joint.reverse else 1)
