@@ -9,19 +9,14 @@ that are independent of the first agreed than not.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from math import hypot, inf
 from typing import Protocol, runtime_checkable
 
 from perception.api import Box, Detection, Image
-from perception.flow import carry
-from perception.known import RETRY, TRUST, Known
+from perception.known import RETRY, SAME, TRUST, Known, distinct
 from perception.light import Grey, check
 from perception.sighting import Sighting
 from perception.turns import ANY, Search, Still
-
-SAME = 0.3
-"""Overlap from which on two boxes are one face."""
 
 MISSING = 25
 """Frames for which the whole picture is searched that often too, after a face was lost."""
@@ -40,6 +35,9 @@ EMPTY = 8
 
 ASIDE = 6
 """Searches in a row for which a face that looks to one side may be carried on."""
+
+CROWD = 3
+"""Known faces from which on all but the largest are carried on by flow in every second frame only."""
 
 STEADY = 0.02
 """How far a face may have moved from one frame to the next that stays in one place, in widths of it: 0.1 m/s."""
@@ -129,8 +127,12 @@ class FaceFinder:
         check(image)
         before, self._before = self._before, image
         followed = self._known
+        whole = self._since_whole + 1 >= self._pause()
         if before is not None:
-            self._known = [known for known in followed if self._follow(known, before, image)]
+            largest = max(followed, key=lambda known: known.detection.box.width, default=None)
+            for known in followed if len(followed) >= CROWD and not whole else ():
+                known.rests = known is not largest and known.moves_on()
+            self._known = [known for known in followed if self._follow(known, before, image, wait=whole)]
         believed = [known for known in followed if known.believed]
         if believed and not self._known:
             self._expect(believed[0], image)
@@ -138,7 +140,8 @@ class FaceFinder:
         if self._since_whole >= (pause := self._pause()):
             empty = pause > 1 and not any(known.trust > 0 for known in self._known)
             self._search_whole(image, unless_still=empty)
-        self._drop_doubles()
+        self._known = [known for known in self._known if known.due > 0 or self._confirm(known, image, carried=True)]
+        self._known = distinct(self._known)
         self._vain = 0 if any(known.trust > 0 for known in self._known) else self._vain + 1
         self._missing -= 1
         for known in believed:
@@ -147,6 +150,8 @@ class FaceFinder:
         found = [
             Sighting(known.detection, known.found and known.trust > 0, believed=known.believed) for known in self._known
         ]
+        for known in self._known:
+            known.settle(image)
         return sorted(found, key=lambda sighting: -sighting.detection.box.width)
 
     def spare(self, most: int) -> int:
@@ -229,24 +234,28 @@ class FaceFinder:
         self._missing = MISSING
         self._lost = self._fitting(lost.detection, image)
 
-    def _follow(self, known: Known, before: Image | Grey, image: Image | Grey) -> bool:
-        """Bring a face to the new frame; False when it is gone."""
-        carried = carry(before, image, known.detection.box)
+    def _follow(self, known: Known, before: Image | Grey, image: Image | Grey, *, wait: bool) -> bool:
+        """Bring a face to the new frame; False when it is gone. Where it can ``wait``, its own search may follow."""
         known.found = False
         known.due -= 1
-        if carried is not None:
-            known.detection = replace(known.detection, box=carried)
-            if known.due > 0:
-                return True
+        if known.rests:
+            return True
+        carried = known.carry(before, image)
+        if carried and (known.due > 0 or wait):
+            return True
+        return self._confirm(known, image, carried=carried)
+
+    def _confirm(self, known: Known, image: Image | Grey, *, carried: bool) -> bool:
+        """Search for a known face where it should be; False when it is gone."""
         again = self._again(known, image)
         if again is not None:
             self._accept(known, again, image)
             return True
-        if carried is not None and self._turned_aside(known, image):
+        if carried and self._turned_aside(known, image):
             known.turn()
             return True
         known.miss()
-        return carried is not None and known.trust > 0 and known.misses < self._patience
+        return carried and known.trust > 0 and known.misses < self._patience
 
     def _again(self, known: Known, image: Image | Grey) -> Detection | None:
         """Return a known face where it is now, upright or leaning as before; or as one that others see lean."""
@@ -283,11 +292,3 @@ class FaceFinder:
                 self._missing = 0
                 if newcomer.trust > 0:
                     self._patiently = SOON
-
-    def _drop_doubles(self) -> None:
-        """Where two boxes have come to lie on one face, keep the one known for longer."""
-        kept: list[Known] = []
-        for known in self._known:
-            if all(known.detection.box.overlap(other.detection.box) <= SAME for other in kept):
-                kept.append(known)
-        self._known = kept

@@ -3,7 +3,6 @@
 It finds faces that are dark, turned or rolled, for a fraction of what the Haar cascade costs.
 """
 
-from functools import cached_property
 from math import inf
 from pathlib import Path
 from typing import Protocol, cast
@@ -27,10 +26,18 @@ SURE = 0.6
 """Score (0..1) from which on a face counts."""
 
 REGION = 2.0  # how much of the picture is searched around a known face, in widths of it
-REGION_FACE = 40  # pixels to which that face is scaled then
-WITNESS_FACE = 64  # the same for a second opinion
+REGION_FACE = 31  # pixels to which that face is scaled then: its region fits into two steps
+WITNESS_FACE = 47  # the same for a second opinion: three steps
 SAME = 0.3  # overlap from which on two boxes are one face
 POINTS_FACE = 112  # the same where eyes, nose and mouth are asked for: as large as SFace has faces
+
+STEP = 32
+"""Pixels of which the sides of a picture are multiples for the network: what is smaller has a rim."""
+
+LEAST = 2 * STEP  # pixels of a side at least
+
+SIZES = 4
+"""Sizes of pictures for which a network of its own is kept: to change its size costs as much as to search 90 x 90."""
 
 HAAR = 0.97
 """Side of a face's Haar box over the height of its YuNet box: median of 53 faces, give or take 0.04."""
@@ -40,10 +47,6 @@ CURE = "mission models fetch yunet"
 
 class _Network(Protocol):
     """``cv2.FaceDetectorYN``, as far as it is used."""
-
-    def setInputSize(self, input_size: tuple[int, int]) -> None:  # noqa: N802 - OpenCV's name
-        """Take pictures of this width and height from now on."""
-        ...
 
     def detect(self, image: Image) -> tuple[int, npt.NDArray[np.float32] | None]:
         """Return rows of x, y, width, height, ten places of eyes, nose and mouth, and the score; None for none."""
@@ -56,12 +59,13 @@ class YuNetFaces:
     Its boxes are those that the Haar cascade would draw, so that distances come out alike; the score is 0..1.
     """
 
-    newcomers = 8
+    newcomers = 10
     turns = (ANY,)
     quickly = ANY
 
     def __init__(self, model: Path) -> None:
         self._model = model
+        self._networks: dict[tuple[int, int], _Network] = {}  # the one that was used longest ago first
 
     def detect(
         self, image: Image | Grey, *, smallest: float = 0.0, largest: float = inf, roll: float = 0.0
@@ -137,9 +141,11 @@ class YuNetFaces:
         """Show a picture to the network, ``scale`` times as large, and return its rows in pixels of what was shown."""
         colour = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR) if picture.ndim == 2 else picture
         shown = lightened(resized(np.asarray(colour, np.uint8), scale))
+        height, width = (max(LEAST, -(-side // STEP) * STEP) for side in shown.shape[:2])
+        rim = height - shown.shape[0], width - shown.shape[1]
+        whole = cv2.copyMakeBorder(shown, 0, rim[0], 0, rim[1], cv2.BORDER_CONSTANT)
         try:
-            self._network.setInputSize((shown.shape[1], shown.shape[0]))
-            _, rows = self._network.detect(shown)
+            _, rows = self._network(width, height).detect(np.asarray(whole, np.uint8))
         except cv2.error as error:
             raise BadModel(f"faces: {self._model} is another network than YuNet\n  try: {CURE}") from error
         return np.empty((0, 15), np.float32) if rows is None else rows
@@ -153,13 +159,19 @@ class YuNetFaces:
             found.append(Detection(Box(middle_x - side / 2, middle_y - side / 2, side, side), score))
         return sorted(found, key=lambda detection: -detection.box.width)
 
-    @cached_property
-    def _network(self) -> _Network:
-        """The network, read when the first picture comes."""
+    def _network(self, width: int, height: int) -> _Network:
+        """Return the network for pictures of a size, read when the first one comes."""
+        found = self._networks.pop((width, height), None) or self._read(width, height)
+        self._networks[width, height] = found
+        if len(self._networks) > SIZES:
+            del self._networks[next(iter(self._networks))]
+        return found
+
+    def _read(self, width: int, height: int) -> _Network:
         if not self._model.is_file():
             raise FileNotFoundError(f"faces: {self._model} is missing\n  try: mission models fetch yunet")
         check_size(self._model, CURE)
         try:
-            return cast(_Network, cv2.FaceDetectorYN.create(str(self._model), "", (320, 320), SURE, 0.3, 50))
+            return cast(_Network, cv2.FaceDetectorYN.create(str(self._model), "", (width, height), SURE, 0.3, 50))
         except cv2.error as error:
             raise BadModel(f"faces: {self._model} is no network\n  try: {CURE}") from error

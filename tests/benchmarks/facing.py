@@ -24,7 +24,7 @@ from perception.geometry import Pinhole
 from perception.tracks import Tracker
 from perception.yunet import YuNetFaces
 from tests.benchmarks.covering import on
-from tests.benchmarks.hardships import EMPTY, HARD, Shot, films
+from tests.benchmarks.hardships import EMPTY, HARD, Shot, films, mirrored, together
 from tests.footage import FOOTAGE
 
 MODEL = FOOTAGE.parent / "models" / "face_detection_yunet_2023mar.onnx"
@@ -156,10 +156,18 @@ def main() -> None:
     options.add_argument("--only", default="")
     options.add_argument("--most", type=int, default=120)
     options.add_argument("--ways", default="haar,yunet,bare320")
+    options.add_argument("--together", action="store_true", help="Three and four people in one picture, as it is.")
     asked = options.parse_args()
     cv2.setNumThreads(1)
     begins = {name: begin(name) for name in (*asked.ways.split(","), "course")}
     print(f"{'':<44} {'way':<8} {'faces':>7} {'frames':>7} {'false':>7} {'ids':>4} {'swit':>4} {'cost':>7}")
+    if asked.together:
+        shots = [film.shots(asked.most) for film in films("faces") if film.tuned is asked.tune]
+        parts = [*shots, *map(mirrored, shots)]
+        for count in (3, 4):
+            for name, each in score(together(parts[:count]), begins).items():
+                print(f"{f'{count} people together':<44} {name:<8} {each}", flush=True)
+        return
     for kind in asked.kinds.split(","):
         for hardship, change in (EMPTY if kind == "nofaces" else HARD).items():
             if asked.only not in hardship:

@@ -117,7 +117,7 @@ def _packed(image: Image) -> Image:
     return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8)
 
 
-def _mirrored(shots: Sequence[Shot]) -> list[Shot]:
+def mirrored(shots: Sequence[Shot]) -> list[Shot]:
     return [
         (
             np.ascontiguousarray(image[:, ::-1]),
@@ -125,6 +125,24 @@ def _mirrored(shots: Sequence[Shot]) -> list[Shot]:
         )
         for image, boxes in shots
     ]
+
+
+def together(parts: Sequence[list[Shot]]) -> list[Shot]:
+    """Return four films at most as one of 640 x 480, each in a quarter of the picture."""
+    found: list[Shot] = []
+    for shots in zip(*parts, strict=False):
+        whole, boxes = np.zeros((480, 640, 3), np.uint8), list[Box]()
+        for place, (image, faces) in enumerate(shots):
+            down, across = (240 * (place // 2), 320 * (place % 2))
+            scale = min(320 / image.shape[1], 240 / image.shape[0])
+            part = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+            whole[down : down + part.shape[0], across : across + part.shape[1]] = part
+            boxes += [
+                Box(box.x * scale + across, box.y * scale + down, box.width * scale, box.height * scale)
+                for box in faces
+            ]
+        found.append((whole, boxes))
+    return found
 
 
 HARD: dict[str, Hardship] = {
@@ -135,7 +153,7 @@ HARD: dict[str, Hardship] = {
     "160 wide": lambda shots: _shrunk(shots, 160),
     "8 % light": _dim,
     "JPEG 40": _each(_packed),
-    "mirrored": _mirrored,
+    "mirrored": mirrored,
     "side-lit": _each(sidelit),
 }
 """What makes films of people harder."""
@@ -165,7 +183,7 @@ def _swept(shots: Sequence[Shot]) -> list[Shot]:
 
 EMPTY: dict[str, Hardship] = {
     "as it is": list,
-    "mirrored": _mirrored,
+    "mirrored": mirrored,
     "twice as large": lambda shots: _warped(shots, 0, 2.0),
     "sharpened": _each(_sharp),
     "more contrast": _each(lambda image: np.asarray(cv2.convertScaleAbs(image, alpha=1.6, beta=-50), np.uint8)),

@@ -206,7 +206,7 @@ def test_of_a_face_that_stays_every_other_frame_is_spared_and_no_search_is_misse
 
 
 def test_of_a_face_that_walks_none_is_spared() -> None:
-    assert set(Walker(3.0).watched(40, 3)) == {0}
+    assert set(Walker(5.0).watched(40, 3)) == {0}
 
 
 def test_of_a_face_at_twenty_frames_a_second_none_is_spared() -> None:

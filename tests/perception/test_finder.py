@@ -8,9 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
+from perception import known
 from perception.api import Box, Detection, Face, Image
 from perception.faces import HaarFaces
 from perception.finder import ASIDE, FaceFinder
+from perception.flow import carry
 from perception.geometry import Pinhole
 from perception.light import Grey
 from perception.sighting import Sighting
@@ -234,6 +236,34 @@ def test_two_who_meet_do_not_stay_two_boxes_on_one_face(scene: "Scene") -> None:
     for _ in range(15):
         seen = finder.find(scene((320, 240))[0])
     assert len(seen) == 1
+
+
+def test_of_three_who_walk_all_are_covered_and_flow_carries_the_smaller_ones_half_as_often(
+    scene: "Scene", monkeypatch: pytest.MonkeyPatch
+) -> None:
+    carried: list[float] = []
+
+    def count(before: Image, after: Image, box: Box) -> Box | None:
+        carried.append(box.width)
+        return carry(before, after, box)
+
+    monkeypatch.setattr(known, "carry", count)
+    finder = FaceFinder(Counting())
+    for step in range(40):
+        places = [(100 + 4 * step, 120), (540 - 4 * step, 240), (100 + 4 * step, 360)]
+        seen = finder.find(scene(*places)[0])
+        for true in scene(*places)[1] if step > 1 else ():
+            assert max(each.detection.box.overlap(true) for each in seen) > 0.5, step
+    assert len(carried) < 0.8 * 3 * 39
+
+
+def test_a_search_of_the_whole_picture_spares_those_of_known_faces(scene: "Scene") -> None:
+    detector = Counting()
+    finder = FaceFinder(detector, every=3, newcomers=3)
+    picture, _ = scene((150, 240), (480, 260))
+    for _ in range(60):
+        assert len(finder.find(picture)) <= 2
+    assert detector.regions < detector.whole
 
 
 def test_a_picture_of_another_size_starts_afresh(scene: "Scene") -> None:

@@ -13,7 +13,7 @@ from perception.api import Box, Image
 from perception.faces import HaarFaces
 from perception.faults import MAX_MODEL, BadModel
 from perception.finder import FaceDetector
-from perception.yunet import ENOUGH, HAAR, SURE, YuNetFaces
+from perception.yunet import ENOUGH, HAAR, LEAST, SIZES, STEP, SURE, YuNetFaces
 
 MODEL = Path(os.environ.get("MISSION_YUNET", Path.home() / ".local/share/missiontree/models"))
 
@@ -22,14 +22,11 @@ class Spots:
     """In the place of the network: each bright spot is a face, as large as the spot."""
 
     def __init__(self) -> None:
-        self.size = (0, 0)
+        self.sizes: list[tuple[int, int]] = []
         self.shown: list[tuple[int, ...]] = []
 
-    def setInputSize(self, input_size: tuple[int, int]) -> None:  # noqa: N802 - OpenCV's name
-        self.size = input_size
-
     def detect(self, image: Image) -> tuple[int, npt.NDArray[np.float32] | None]:
-        assert self.size == (image.shape[1], image.shape[0])
+        assert image.shape[:2] in [(height, width) for width, height in self.sizes]
         assert image.ndim == 3
         self.shown.append(image.shape)
         bright = (image[:, :, 0] > 100).astype(np.uint8)
@@ -46,7 +43,8 @@ def spots(monkeypatch: pytest.MonkeyPatch) -> Spots:
 
     def create(model: str, config: str, size: tuple[int, int], score: float, *_: float) -> Spots:
         assert Path(model).is_file()
-        assert (config, size, score) == ("", (320, 320), SURE)
+        assert (config, score) == ("", SURE)
+        network.sizes.append(size)
         return network
 
     monkeypatch.setattr(cv2.FaceDetectorYN, "create", create)
@@ -79,7 +77,22 @@ def test_boxes_are_squares_as_the_cascade_draws_them_in_the_pixels_of_the_pictur
 def test_the_larger_the_faces_looked_for_the_smaller_the_picture_shown(faces: YuNetFaces, spots: Spots) -> None:
     faces.detect(picture(), smallest=0)
     faces.detect(picture(), smallest=64)
-    assert [shape[1] for shape in spots.shown] == [round(640 * ENOUGH / 28), round(640 * ENOUGH / 64)]
+    assert [shape[1] for shape in spots.shown] == [round(640 * ENOUGH / 28), 5 * STEP]
+    assert 640 * ENOUGH / 64 <= 5 * STEP
+
+
+def test_each_size_of_a_picture_has_a_network_that_is_read_once(faces: YuNetFaces, spots: Spots) -> None:
+    seen, face = picture((300, 100, 80, 80)), Box(305, 105, 80, 80)
+    for _ in range(3):
+        faces.detect(seen)
+        faces.near(seen, face)
+        faces.agrees(seen, face)
+    assert len(spots.sizes) == len(set(spots.sizes)) == 3
+    assert all(side % STEP == 0 for size in spots.sizes for side in size)
+    for width in range(64, 64 * (SIZES + 1), 64):
+        faces.detect(picture(size=(2 * width, 128)))
+    faces.near(seen, face)
+    assert spots.sizes.count(spots.sizes[1]) == 2, "no more than some are kept"
 
 
 def test_only_faces_of_the_size_asked_for_are_told_of_largest_first(faces: YuNetFaces) -> None:
@@ -95,7 +108,7 @@ def test_near_shows_the_network_a_small_region_only(faces: YuNetFaces, spots: Sp
     found = faces.near(picture((300, 100, 80, 80), (20, 400, 60, 60)), Box(310, 110, 80, 80))
     assert found is not None
     assert found.box.centre == pytest.approx((340, 140), abs=2)
-    assert max(spots.shown[0]) <= 81
+    assert spots.shown[0][:2] == (LEAST, LEAST)
 
 
 def test_near_finds_nothing_outside_the_picture_or_where_nothing_is(faces: YuNetFaces) -> None:
