@@ -17,13 +17,13 @@ Judgement = tuple[str, float]
 
 NOTHING: Judgement = ("", -99.0)
 
-BEATEN, PLAIN = 1.0, 0.5
-"""By how much the best decoys may fit better than a phrase of one word that was said, a logarithm for each frame; and
-how much more makes the odds e times as high."""
+BEATEN, PLAIN = 1.4, 0.5
+"""By how much the best decoy may fit better than a word that was said, a logarithm for each frame; and how much more
+makes the odds e times as high."""
 
 
 def weighed(score: float, margin: float | None) -> float:
-    """Return a score, but no more than the decoys leave: ``margin`` is how much better than they a phrase fits."""
+    """Return a score, but no more than the decoys leave: ``margin`` is how much better than they it fits."""
     return score if margin is None else min(score, (margin + BEATEN) / PLAIN)
 
 

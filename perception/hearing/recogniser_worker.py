@@ -3,7 +3,7 @@
 Messages are lines of JSON on standard input and output; where one has ``bytes: N``, N bytes of sound follow, 16-bit
 mono at 16 kHz. ``{"words": {word: [phones, ..]}, "arcs": [[from, to, probability, word], ..]}`` is what to listen for,
 from state 0 to state 1, and is answered by ``{"ready": true}``. ``{"decode": id}`` with a sound is answered by what was
-understood of it, and how it looks beside a loop over all phones; a phrase of one word also beside the common words of
+understood of it, and how it looks beside a loop over all phones; each of its words also beside the common words of
 English. It ends with its input.
 """
 
@@ -13,7 +13,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ import pocketsphinx
 from perception.hearing.acoustic_model import AcousticModel
 from perception.hearing.contest import Contest, Entry
 from perception.hearing.denoise import dithered
+from perception.hearing.features import FRAME
 from perception.hearing.sound import Samples
 
 LOG = 1e4
@@ -43,8 +44,8 @@ HISS, FAINT = 40.0, 20.0
 COMMON, SHORT = 1000, 6
 """How many of the commonest words may be decoys, and how many phones those have at most."""
 
-BEST = 5
-"""So many of the decoys that fit best make the bar together: each by itself may sound like a phrase by chance."""
+CONNECTED = 1.6
+"""By how much less well words fit within a phrase, as they run into each other: a logarithm for each frame."""
 
 LEAST = 5
 """Frames of 10 ms over which a margin is spread at least."""
@@ -86,8 +87,8 @@ def search(engine: pocketsphinx.Decoder, name: str, words: dict[str, list[str]],
     engine.add_fsg(name, engine.create_fsg(name, 0, 1, arcs))
 
 
-def decoys(alone: dict[str, list[str]]) -> dict[str, list[str]]:
-    """Return the common words that nobody should take for one of ``alone``, and how they are said: none sounds so."""
+def decoys(words: dict[str, list[str]]) -> dict[str, list[str]]:
+    """Return the common words that nobody should take for one of ``words``, and how they are said: none sounds so."""
     model = pocketsphinx.NGramModel.readfile(pocketsphinx.get_model_path("en-us/en-us.lm.bin"))
     plain = (word for word, _ in dictionary() if word.isalpha())
     ways: dict[str, list[str]] = {
@@ -96,11 +97,11 @@ def decoys(alone: dict[str, list[str]]) -> dict[str, list[str]]:
     for entry, phones in dictionary():
         if (word := entry.partition("(")[0]) in ways:
             ways[word].append(phones)
-    own = {phones for said in alone.values() for phones in said}
+    own = {phones for said in words.values() for phones in said}
     return {
         word: said
         for word, said in ways.items()
-        if word not in alone and own.isdisjoint(said) and len(said[0].split()) <= SHORT
+        if word not in words and own.isdisjoint(said) and len(said[0].split()) <= SHORT
     }
 
 
@@ -113,17 +114,18 @@ def dictionary() -> Iterator[tuple[str, str]]:
                 yield entry, phones
 
 
-def contest(alone: dict[str, list[str]]) -> Contest:
-    """Return a contest of single words and their decoys. Raises OSError, ValueError, KeyError for another model."""
+def contest(words: dict[str, list[str]]) -> Contest:
+    """Return a contest of words and their decoys. Raises OSError, ValueError, KeyError for another model."""
     model = AcousticModel(Path(pocketsphinx.get_model_path("en-us/en-us")))
-    everybody = {**decoys(alone), **alone}
+    everybody = {**decoys(words), **words}
     return Contest(model, [(word, way.split()) for word, ways in everybody.items() for way in ways])
 
 
 class Recogniser:
     """A grammar, and a loop over phones beside it: two decoders, since beams hold for all that one does.
 
-    Single words compete with each other and with the decoys, where the acoustic model is one whose files we can read.
+    Single words compete with each other and with the decoys, where the acoustic model is one whose files we can read;
+    each word of a longer phrase competes with the decoys.
     """
 
     def __init__(self) -> None:
@@ -140,22 +142,21 @@ class Recogniser:
         search(self.grammar, "phrases", words, [tuple(arc) for arc in arcs])
         self.alone = {word: words[word] for begin, end, _, word in arcs if (begin, end) == (0, 1)}
         self.contest = None
-        if self.alone:
-            for word in self.alone:
-                search(self.grammar, only(word), {}, [(0, 1, 1.0, word)])
-            with suppress(OSError, ValueError, KeyError):  # another model than that which pocketsphinx brings along
-                self.contest = contest(self.alone)
+        for word in self.alone:
+            search(self.grammar, only(word), {}, [(0, 1, 1.0, word)])
+        with suppress(OSError, ValueError, KeyError):  # another model than that which pocketsphinx brings along
+            self.contest = contest(words)
 
     def decode(self, sound: Samples) -> dict[str, Any]:
         """Return what was said, as far as it was a phrase, with all that tells whether to believe it."""
         engine = self.grammar
         if engine is None:
             return {"phrase": ""}
-        loud = dithered(sound, HISS).tobytes()
+        loud, faint = dithered(sound, HISS).tobytes(), dithered(sound, FAINT)
         phrase = understood(engine, "phrases", loud)
         entries: list[Entry] = []
         if phrase in self.alone and self.contest is not None:
-            entries = self.contest.entries(dithered(sound, FAINT))
+            entries = self.contest.entries(faint)
             best = next(entry.word for entry in entries if entry.word in self.alone)
             if best != phrase:
                 phrase = understood(engine, only(best), loud)
@@ -173,19 +174,31 @@ class Recogniser:
             "words": words,
             "aligned": phones,
             "loop": segments(self.loop),
-            "margin": self.margin(phrase, entries),
+            "margin": margin(phrase, entries, self.alone) if entries else self.connected(phrase, words, faint),
         }
 
-    def margin(self, word: str, entries: list[Entry]) -> float | None:
-        """Return by how much a word fits better than the best decoys, for each frame of it; None for a longer phrase.
-
-        It is a natural logarithm.
-        """
-        own = next((entry for entry in entries if entry.word == word), None)
-        if own is None:
+    def connected(self, phrase: str, words: Segments, sound: Samples) -> float | None:
+        """Return the mean margin of the words of a phrase, each by its frames; None without a contest."""
+        if self.contest is None:
             return None
-        beside = [entry.score for entry in entries if entry.word not in self.alone][:BEST]
-        return (own.score - sum(beside) / len(beside)) / max(LEAST, own.frames)
+        total, frames = 0.0, 0
+        for entry, start, length, _ in words:
+            word = entry.partition("(")[0]
+            if word in phrase.split():
+                part = sound[start * FRAME : (start + length) * FRAME]
+                total += length * margin(word, self.contest.entries(part), (word,))
+                frames += length
+        return total / frames + CONNECTED if frames else None
+
+
+def margin(word: str, entries: list[Entry], own: Container[str]) -> float:
+    """Return by how much a word fits better than the best of those that are not ``own``, for each frame of it.
+
+    It is a natural logarithm.
+    """
+    mine = next(entry for entry in entries if entry.word == word)
+    best = next(entry for entry in entries if entry.word not in own)
+    return (mine.score - best.score) / max(LEAST, mine.frames)
 
 
 def only(word: str) -> str:
