@@ -9,7 +9,6 @@ import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from functools import lru_cache
 from pathlib import Path
 
 from config.defaults import own_files
@@ -17,15 +16,17 @@ from config.faults import InvalidFileError
 from config.library import BEGINNING, SHEETS, SUFFIXES, UnknownNameError, find, kinds_of, shipped
 from config.reading import open_regular
 from config.world import load_world
-from drivers.clock import time_of_day
+from drivers.clock import Clock, SystemClock, time_of_day
 from missions.library.drivers import load_robot
 from missions.library.folders import checkup_file
 from missions.library.forms import load_with_own, params_of
 from missions.library.people import People, folder
 from missions.library.shipped import TESTS, find_mission, shipped_missions
+from missions.library.vocabulary import found_beside, vocabulary
 from missions.library.worlds import build_world
 from missions.studio.commands import Command
 from missions.studio.form import BadMessage
+from missions.studio.time_limit import TimeLimitError, limited
 from missions.studio.wishes import Library, Mission, World
 from missions.views.pictures.draw import drawing_of, first_values
 from missions.views.pictures.drawing import Box
@@ -45,8 +46,14 @@ MOTIONS = tuple(
 """The motions of the TurtleBot course, in the order of their numbers."""
 
 
-MOST_ENTRIES = 4096
-"""Entries of a list that are cached."""
+MAX_ENTRIES = 4096
+"""Entries of lists that are cached."""
+
+FILE_TIMEOUT = 5.0
+"""Seconds that one file of a list may take: a mission of 10,000 steps takes 4 of them."""
+
+LIST_TIMEOUT = 30.0
+"""Seconds after which files of a list are left for the next time: the reader itself ends after twice as many."""
 
 READ = (*SUFFIXES, *SHEETS, ".py")
 """The suffixes of files on which a mission, a robot or a world may depend."""
@@ -103,13 +110,15 @@ def library(command: Command) -> Json:
     edition = _edition([checkup_file(), *_below(folder())], files + "".join(faults))
     if isinstance(command, Library) and command.edition == edition:
         return {"edition": edition}
-    lists: Json = {
-        kind: [
-            *(make(name, path, files) for name, path in own[kind].items()),
-            *(make(name, path, "") for name, path in known[kind].items()),
-        ]
-        for kind, make in MAKES.items()
-    }
+    _try_behaviours(own["missions"].values())
+    clock = SystemClock()
+    lists: dict[str, object] = {}
+    for kind in MAKES:
+        entries = [_listed(kind, name, path, files, clock) for name, path in own[kind].items()]
+        entries += [_listed(kind, name, path, "", clock) for name, path in known[kind].items()]
+        lists[kind] = entries
+        if any(entry.get("unread") for entry in entries):
+            edition += "+"  # so that the list is asked for again: what was read by then is cached
     more: Json = {"motions": list(MOTIONS), "people": _people(), "checkup": _checkup()}
     return {"edition": edition, "trouble": "\n".join(dict.fromkeys(faults)), **lists, **more}
 
@@ -170,7 +179,43 @@ def _edition(paths: Iterable[Path], before: str = "") -> str:
     return digest.hexdigest()[:16]
 
 
-@lru_cache(maxsize=MOST_ENTRIES)
+def _try_behaviours(missions: Iterable[Path]) -> None:
+    """Import the behaviours beside missions once: one that hangs costs its time once, and not that of each mission."""
+    for beside in {path.parent: path for path in missions}.values():
+        vocabulary(found_beside(beside), given=())
+
+
+def _listed(kind: str, name: str, path: Path, edition: str, clock: Clock) -> Json:
+    """Return the entry of a file in a list, whatever that file is like, and with a time limit of its own.
+
+    Files whose turn comes when ``LIST_TIMEOUT`` is over by the ``clock`` are left for the next time.
+    """
+    key = (kind, name, path, edition)
+    if key in _entries:
+        return _entries[key]
+    if clock.now() >= LIST_TIMEOUT:
+        return {"name": name, "summary": "", "parts": [], "trouble": "not read yet: others take long", "unread": True}
+    try:
+        with limited(FILE_TIMEOUT):
+            found = MAKES[kind](name, path, edition)
+    except TimeLimitError:
+        trouble = f"it takes more than {FILE_TIMEOUT:g} s to read\n  try: mission check {path if edition else name}"
+        found = {"name": name, "summary": "", "parts": [], "trouble": trouble}
+    except Exception as error:  # it hides none of the others
+        trouble = f"it cannot be read: {type(error).__name__}: {error}"[:2000]
+        found = {"name": name, "summary": "", "parts": [], "trouble": trouble}
+    if "trouble" in found and edition:
+        found = {**_entry(kind, name, path, edition), **found}
+    while len(_entries) >= MAX_ENTRIES:
+        del _entries[next(iter(_entries))]
+    _entries[key] = found
+    return found
+
+
+_entries: dict[tuple[str, str, Path, str], Json] = {}
+"""Entries by kind, name, file and the edition of all files on which they may depend: the newest ones."""
+
+
 def _mission(name: str, path: Path, edition: str) -> Json:
     """Return a mission's entry in the list, with its errors if it has some.
 
@@ -204,12 +249,10 @@ def _depths(box: Box, depth: int = 0) -> Iterator[int]:
         yield from _depths(child, depth + 1)
 
 
-@lru_cache(maxsize=MOST_ENTRIES)
 def _robot(name: str, path: Path, edition: str) -> Json:
     return _summary("robots", name, path, edition, load_robot)
 
 
-@lru_cache(maxsize=MOST_ENTRIES)
 def _world(name: str, path: Path, edition: str) -> Json:
     return _summary("worlds", name, path, edition, load_world)
 

@@ -1,12 +1,16 @@
 """The list of what there is to run: the user's own files first, and another edition once one of them changes."""
 
 import os
+import socket
+from contextlib import suppress
 from pathlib import Path
+from threading import Event
 
 import pytest
 
 from config.defaults import config_folder
 from missions.library.folders import checkup_file
+from missions.library.forms import load_with_own
 from missions.studio import library
 from missions.studio.form import BadMessage
 from missions.studio.wishes import Library, Mission
@@ -116,3 +120,84 @@ def test_no_name_leads_elsewhere(here: Path) -> None:
     for name in ("inner/hidden.yaml", str(here / "inner" / "hidden.yaml"), "../x.yaml"):
         with pytest.raises(BadMessage, match="there is no mission"):
             library.check_name("missions", name)
+
+
+# --- files of which each may fail alone -------------------------------------------------------------------------------
+
+
+def test_a_file_that_takes_too_long_is_named_and_hides_no_other(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("first", "slow", "third"):
+        write(here / f"{name}.yaml", SAYS.format(name))
+    monkeypatch.setattr(library, "FILE_TIMEOUT", 0.2)
+    loaded = list[str]()
+
+    def endless(name: str) -> object:
+        loaded.append(name)
+        while name == "slow.yaml":
+            with suppress(Exception):  # what handles all errors ends all the same
+                Event().wait(0.01)
+        return load_with_own(name)
+
+    monkeypatch.setattr(library, "load_with_own", endless)
+    found = entries()
+    assert str(found["slow.yaml"]["trouble"]).startswith("it takes more than 0.2 s to read\n  try: mission check slow")
+    assert found["slow.yaml"]["title"] == "slow"
+    assert [name for name in ("first.yaml", "third.yaml", "greet") if "trouble" in found[name]] == []
+    assert entries() == found
+    assert loaded.count("slow.yaml") == 1  # until a file changes
+
+
+def test_a_list_that_takes_too_long_goes_on_where_it_was_left(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("first", "third"):
+        write(here / f"{name}.yaml", SAYS.format(name))
+    with monkeypatch.context() as patch:
+        patch.setattr(library, "LIST_TIMEOUT", 0.0)
+        cut = edition()
+        cut_short = entries()
+        assert {cut_short[f"{name}.yaml"]["trouble"] for name in ("first", "third")} == {
+            "not read yet: others take long"
+        }
+    assert edition() != cut
+    assert not any("unread" in each for each in entries().values())
+
+
+@pytest.mark.parametrize("error", [RecursionError("deep"), MemoryError(), OSError(5, "no disk"), ValueError("odd")])
+def test_any_error_of_one_file_is_its_own(here: Path, error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(here / "odd.yaml", SAYS.format("odd"))
+
+    def odd(name: str) -> object:
+        if name == "odd.yaml":
+            raise error
+        return load_with_own(name)
+
+    monkeypatch.setattr(library, "load_with_own", odd)
+    found = entries()
+    assert str(found["odd.yaml"]["trouble"]).startswith(f"it cannot be read: {type(error).__name__}")
+    assert "trouble" not in found["greet"]
+
+
+@pytest.mark.parametrize("kind", ["fifo", "socket", "folder", "dangling", "loop", "device", "huge", "binary"])
+def test_what_is_no_file_of_ours_hides_no_mission(here: Path, kind: str) -> None:
+    path = here / "odd.yaml"
+    match kind:
+        case "fifo":
+            os.mkfifo(path)
+        case "socket":
+            with socket.socket(socket.AF_UNIX) as made:
+                made.bind(str(path))
+        case "folder":
+            path.mkdir()
+        case "dangling":
+            path.symlink_to("nowhere.yaml")
+        case "loop":
+            path.symlink_to("odd.yaml")
+        case "device":
+            path.symlink_to("/dev/zero")
+        case "huge":
+            write(path, "mission: huge\n" + "#" * 2_000_000)
+        case "binary":
+            path.write_bytes(b"mission: odd\n\xff\x00\xfe")
+    write(here / "good.yaml", SAYS.format("good"))
+    found = entries()
+    assert "trouble" not in found["good.yaml"]
+    assert "trouble" in found.get("odd.yaml", {"trouble": "it is no file"})
