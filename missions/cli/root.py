@@ -10,6 +10,7 @@ from pathlib import Path
 
 import click
 
+from missions.cli.memory import OutOfMemoryError, advice, limit, shortage, tell_of_limit
 from missions.views.printable import printable_streams
 
 SUCCESS, FAILURE, USAGE, DEVICE, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130
@@ -143,8 +144,14 @@ def main() -> None:
     sys.stderr = sys.stderr or sys.stdout
     if COMPLETING in os.environ:
         import_module("missions.cli.completion")  # which knows how shells ask
+    tell_of_limit()
     with printable_streams():
-        code = guarded(lambda: mission.main(standalone_mode=False, obj=ALONE))
+        try:
+            code = guarded(lambda: mission.main(standalone_mode=False, obj=ALONE))
+        except (ImportError, OSError, MemoryError) as error:  # before anything of ours could be imported
+            if not (why := shortage(error)):
+                raise
+            code = _tell_shortage(why)
     sys.exit(code)
 
 
@@ -172,7 +179,9 @@ def guarded(work: Callable[[], object]) -> int:
 
     forget_origin()
     try:
-        code = work()
+        code = _telling_memory(work)
+    except OutOfMemoryError as error:
+        return _tell_shortage(str(error))
     except click.exceptions.Exit as done:
         return done.exit_code
     except click.ClickException as error:
@@ -202,6 +211,21 @@ def guarded(work: Callable[[], object]) -> int:
     except Exception as error:
         return _own_fault(error)
     return code if isinstance(code, int) else SUCCESS
+
+
+def _telling_memory(work: Callable[[], object]) -> object:
+    """Return what ``work`` does. Raises OutOfMemoryError for any error that comes of a lack of memory."""
+    try:
+        return work()
+    except Exception as error:
+        if why := shortage(error):
+            raise OutOfMemoryError(why) from error
+        raise
+
+
+def _tell_shortage(why: str) -> int:
+    click.echo(f"mission: out of memory: {why}\n  try: {advice(limit())}", err=True)
+    return USAGE
 
 
 def _tell_origin(text: str) -> None:
