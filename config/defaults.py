@@ -3,6 +3,7 @@
 import os
 import pwd
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from config.declared import read_keys
@@ -97,10 +98,33 @@ def missing_folders() -> list[str]:
     return [each for each in load_defaults().folders if not Path(each).expanduser().is_dir()]
 
 
+def unreadable_folders(kind: str) -> list[str]:
+    """Return the user's own folders for files of a kind that are there and cannot be read, each with the reason."""
+    found = list[str]()
+    for folder in _folders(kind):
+        try:
+            next(folder.iterdir(), None)
+        except FileNotFoundError:
+            continue
+        except OSError as error:
+            found.append(f"{folder} cannot be read: {error.strerror or error}")
+    return found
+
+
+def _folders(kind: str) -> list[Path]:
+    """Return the user's own folders for files of a kind, whether they are there or not."""
+    return [each / kind for each in (config_folder(), *(Path(each).expanduser() for each in load_defaults().folders))]
+
+
 def own_files(kind: str) -> dict[str, Path]:
-    """Return the user's own files of a kind by name: those beside the defaults, then those in their ``folders``."""
-    folders = [config_folder(), *(Path(each).expanduser() for each in load_defaults().folders)]
-    found = [path for folder in folders for path in sorted((folder / kind).glob("*.yaml"))]
+    """Return the user's own files of a kind by name: those beside the defaults, then those in their ``folders``.
+
+    A folder that cannot be read holds none; ``unreadable_folders`` names it.
+    """
+    found: list[Path] = []
+    for folder in _folders(kind):
+        with suppress(OSError):
+            found += [path for path in sorted(folder.iterdir()) if path.suffix == ".yaml"]
     return {path.stem: path for path in reversed(found) if not path.name.endswith(".test.yaml")}
 
 

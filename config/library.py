@@ -64,7 +64,7 @@ def find(kind: str, name: str, *, library: dict[str, Path] | None = None, folder
     hint = _meant(kind, folder, name) or _close(kind, Path(name).stem if path.suffix in SUFFIXES else name, known)
     if path.suffix in (*SUFFIXES, ".mcap"):
         raise UnknownNameError(f"{seen(str(path))}: no such file" + (f"; {hint}" if hint else ""))
-    missing = f"; {_missing()}" if _missing() else ""
+    missing = "".join(f"; {each}" for each in _missing(kind) if each)
     raise UnknownNameError(f"unknown {kind.removesuffix('s')} {seen(name)}; {hint or _all(kind, known)}{missing}")
 
 
@@ -85,12 +85,13 @@ def _own(kind: str, name: str) -> Path | None:
     return own_files(kind).get(name)
 
 
-def _missing() -> str:
-    """Say which folders of the user's are not there: a name may have been one of a file in them."""
-    from config.defaults import FILE, config_folder, missing_folders  # noqa: PLC0415 - only where a name is not known
+def _missing(kind: str) -> list[str]:
+    """Say which folders of the user's are not there, or not readable: a name may have been one of a file in them."""
+    from config.defaults import FILE, config_folder, missing_folders, unreadable_folders  # noqa: PLC0415 - rarely needed
 
     missing = missing_folders()
-    return f"{config_folder() / FILE} names folders that are not there: {', '.join(missing)}" if missing else ""
+    gone = [f"{config_folder() / FILE} names folders that are not there: {', '.join(missing)}"] if missing else []
+    return [*gone, *unreadable_folders(kind)]
 
 
 def is_file(path: Path) -> bool:

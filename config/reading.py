@@ -51,9 +51,21 @@ def read_regular(path: Path, most: int) -> bytes:
     return data
 
 
+def read_regular_text(path: Path, most: int = 1_000_000) -> str:
+    """Return the text of a small regular file. Raises OSError, as ``open_regular`` does, and UnicodeDecodeError."""
+    return read_regular(path, most).decode("utf-8")
+
+
+def regular(path: str, flags: int) -> int:
+    """Open a regular file, or one that is not there yet: an ``opener`` of ``open``. Raises OSError for any other."""
+    if not os.path.lexists(path):
+        return os.open(path, flags | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    return _regular(path, flags)
+
+
 def _regular(path: str, flags: int) -> int:
     _check_regular(path, Path(path).stat())
-    number = os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
+    number = os.open(path, flags & ~os.O_CREAT | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
     try:
         _check_regular(path, os.fstat(number))  # another may have taken its place
     except OSError:

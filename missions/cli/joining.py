@@ -13,6 +13,7 @@ from typing import Any
 import click
 
 from config.library import UnknownNameError, find, shipped
+from config.reading import read_regular
 from drivers.clock import SystemClock
 from missions.cli.names import ROBOT, WORLD
 from missions.library.channels import channels_of
@@ -123,7 +124,7 @@ def own_number(folder: Path) -> str:
         new = folder / f".{NUMBER}.{secrets.token_hex(4)}"
         new.write_text(secrets.token_hex(4), encoding="ascii")
         new.replace(path)
-    found = path.read_text(encoding="ascii", errors="replace").strip()
+    found = read_regular(path, 1000).decode("ascii", errors="replace").strip()
     if not re.fullmatch("[0-9a-f]{8}", found):
         raise click.ClickException(f"{path}: is no number of a robot\n  try: rm {path}  (it is another robot then)")
     return found

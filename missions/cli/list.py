@@ -9,7 +9,7 @@ import click
 
 from behaviours.joint_ranges import JointRanges
 from config.controller import load_controller
-from config.defaults import own_files
+from config.defaults import own_files, unreadable_folders
 from config.faults import InvalidFileError
 from config.gesture import load_gesture
 from config.library import shipped
@@ -61,6 +61,8 @@ def _own(kind: str) -> Iterator[tuple[str, str]]:
             yield name, f"{_SUMMARIES[kind](path)}{able} ({path})"
         except InvalidFileError as error:
             yield name, f"has {len(error.faults)} mistakes ({path})"
+    for told in unreadable_folders(kind):
+        click.echo(f"mission: {told}", err=True)
 
 
 def _gestures() -> Iterator[tuple[str, str]]:

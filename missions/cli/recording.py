@@ -93,7 +93,9 @@ def record_wish(
     if record is None and otherwise:
         record = ring.records_folder()
         try:
-            ring.make_room(record, time_of_day().timestamp())
+            removed = ring.make_room(record, time_of_day().timestamp())
+            if removed:
+                click.echo(f"mission: removed old records from {record}: {', '.join(removed)}", err=True)
         except OSError as error:  # such as a full disk: a robot does not refuse to move for that
             click.echo(f"mission: not recorded: {record}: {error.strerror or error}", err=True)
             record = None

@@ -45,12 +45,19 @@ def problem_of_file(path: Path) -> Problem | None:
 
 def problem_of_entry_point(point: "EntryPoint") -> Problem | None:
     """Return why an entry point cannot be imported; None for one that can."""
+    if _is_imported(point.value):
+        return None
     return _problem("name", point.value, tuple(sys.path), None if point.dist is None else point.dist.version)
 
 
 def problem_of_name(name: str) -> Problem | None:
     """Return why a dotted name, ``package.module:attribute``, cannot be imported; None for one that can."""
-    return _problem("name", name, tuple(sys.path), None)
+    return None if _is_imported(name) else _problem("name", name, tuple(sys.path), None)
+
+
+def _is_imported(name: str) -> bool:
+    """Return whether the module of a dotted name was imported already: that does not happen again."""
+    return name.partition(":")[0].strip() in sys.modules
 
 
 @lru_cache(maxsize=256)

@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Event
 
+from config.reading import read_regular_text, regular
 from drivers.clock import Clock, SystemClock
 from missions.service.task import TaskError
 
@@ -39,7 +40,7 @@ def locked(path: Path, *, patience: float = MOMENT, clock: Clock | None = None) 
     held it for ``patience`` seconds.
     """
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    number = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+    number = regular(str(path), os.O_RDWR | os.O_CREAT)
     try:
         _take(number, path, patience, SystemClock() if clock is None else clock)
         with suppress(OSError):  # on a full disk nobody reads who it is: it is held all the same
@@ -67,7 +68,7 @@ def _take(number: int, path: Path, patience: float, clock: Clock) -> None:
 def is_locked(path: Path) -> bool:
     """Say whether some process holds the lock. Raises OSError where that is not known."""
     try:
-        number = os.open(path, os.O_RDONLY)
+        number = regular(str(path), os.O_RDONLY)
     except FileNotFoundError:
         return False
     try:
@@ -82,6 +83,6 @@ def is_locked(path: Path) -> bool:
 def holder(path: Path) -> str:
     """Return the number of the process that took the lock last; it may have passed it on to one of its own."""
     try:
-        return path.read_text(encoding="ascii").strip()
+        return read_regular_text(path).strip()
     except (OSError, UnicodeDecodeError):
         return ""

@@ -67,7 +67,7 @@ class Audit:
             self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             if self.path.exists() and self.path.stat().st_size > LARGEST:
                 self.path.replace(self.path.with_suffix(".1.log"))
-            number = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW, 0o600)
+            number = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
             with open(number, "w", encoding="utf-8") as file:  # noqa: PTH123 - of a descriptor
                 file.write(json.dumps(line | dict(what), ensure_ascii=True) + "\n")
 

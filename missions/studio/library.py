@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from config.defaults import own_files
+from config.defaults import own_files, unreadable_folders
 from config.faults import InvalidFileError
 from config.library import BEGINNING, SHEETS, SUFFIXES, UnknownNameError, find, kinds_of, shipped
-from config.reading import open_regular
+from config.reading import open_regular, read_regular_text
 from config.world import load_world
 from drivers.clock import Clock, SystemClock, time_of_day
 from missions.library.drivers import load_robot
@@ -88,6 +88,7 @@ def _own(kind: str, known: Mapping[str, Path], faults: list[str]) -> Mapping[str
     try:
         for name, path in own_files(kind).items():
             found.setdefault(str(path) if name in known else name, path)
+        faults += unreadable_folders(kind)
     except (OSError, InvalidFileError) as error:
         faults.append(str(error)[:2000])
     return found
@@ -279,7 +280,7 @@ def _people() -> list[str]:
 def _checkup() -> Json | None:
     """Return what `mission doctor` found last; None where it was not asked yet."""
     try:
-        found = json.loads(checkup_file().read_text(encoding="utf-8"))
+        found = json.loads(read_regular_text(checkup_file()))
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:

@@ -1,11 +1,15 @@
 """The records that are kept by default: a folder of the user's, in which the oldest make room for the newest."""
 
+import fcntl
 import os
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 
 from config.defaults import load_defaults
+from config.reading import open_regular, read_regular, regular
+from config.saving import save_file
 from missions.library.folders import state_folder
 
 DAYS = 30
@@ -13,6 +17,13 @@ DAYS = 30
 
 ROOM = 2_000_000_000
 """Bytes that all records may take together."""
+
+DAY = 24 * 3600.0
+
+ORDER = ".order"
+"""The file with the names of the records in the order in which they were made."""
+
+MAX_ORDER_BYTES = 1 << 20
 
 SWITCH = "MISSION_RECORD"
 """A variable of the environment, before the user's default: ``no``, ``yes``, or ``all``, simulated runs too."""
@@ -55,14 +66,72 @@ def wanted(*, simulated: bool = False) -> bool:
     return wished and (said == "all" or not simulated) and find_spec("mcap") is not None
 
 
-def make_room(folder: Path, now: float) -> None:
-    """Make the folder, for its owner alone, and take away what is too old, or too much; ``now`` is Unix time."""
+def make_room(folder: Path, now: float) -> list[str]:
+    """Make the folder, for its owner alone, and remove records that are too old, or too much.
+
+    ``now`` is Unix time. Return what was removed, in words for people. The newest record may be written now, and stays,
+    as does each that another process writes.
+    """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    size = 0
-    for number, path in enumerate(records_in(folder)):
+    records = _in_order(folder, records_in(folder))
+    old = _too_old(records, now)
+    removed, size = list[str](), 0
+    for number, path in enumerate(records):
         with suppress(OSError):
-            found = path.stat()
-            size += found.st_size
-            if number > 0 and (now - found.st_mtime > DAYS * 24 * 3600 or size > ROOM):  # the first may be written now
-                path.unlink()
-                size -= found.st_size
+            found = path.stat().st_size
+            size += found
+            why = f"over {DAYS} days old" if path in old else f"records take over {ROOM / 1e9:g} GB" * (size > ROOM)
+            if number > 0 and why and _remove_unless_written(path):
+                removed.append(f"{path.name} ({why})")
+                size -= found
+    return removed
+
+
+def _in_order(folder: Path, records: Sequence[Path]) -> list[Path]:
+    """Return records in the order in which they were made, the newest first, whatever the clock was then.
+
+    A computer without a battery for its clock may make the newest record in 1970. So the order is kept in a file, to
+    which each record is added when it is first seen; those that are new to it are in the order of their stamps.
+    """
+    there = {path.name: path for path in reversed(records)}  # the oldest first
+    with suppress(OSError):
+        known = read_regular(folder / ORDER, MAX_ORDER_BYTES).decode("utf-8", errors="replace").splitlines()
+        there = {name: there[name] for name in known if name in there} | there
+    with suppress(OSError):  # without room for it, or with something else in its place, the stamps will do
+        os.close(regular(str(folder / ORDER), os.O_RDWR | os.O_CREAT))
+        save_file(folder / ORDER, "".join(f"{name}\n" for name in there).encode(), 0o600)
+    return [*there.values()][::-1]
+
+
+def _too_old(records: Iterable[Path], now: float) -> set[Path]:
+    """Return the records that are too old, as far as their stamps and the clock can be trusted.
+
+    A clock that is wrong by years would make all of them so. It is not believed across a gap in which no record was
+    made for as long as a record may be kept; nor are stamps from the future. What is behind such a gap is not removed
+    for its age.
+    """
+    stamps = dict[Path, float]()
+    for path in records:
+        with suppress(OSError):
+            stamps[path] = path.stat().st_mtime
+    found, last = set[Path](), now
+    for path, stamp in sorted(stamps.items(), key=lambda each: -each[1]):
+        if stamp > now:
+            continue
+        if last - stamp > DAYS * DAY:
+            break
+        last = stamp
+        if now - stamp > DAYS * DAY:
+            found.add(path)
+    return found
+
+
+def _remove_unless_written(path: Path) -> bool:
+    """Remove a record that no process writes; return whether it is gone. Raises OSError."""
+    with open_regular(path) as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        path.unlink()
+    return True

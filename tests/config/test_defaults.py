@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from config.defaults import config_folder, keep_default, load_defaults, own_files
+from config.defaults import config_folder, keep_default, load_defaults, own_files, unreadable_folders
 from config.faults import InvalidFileError
 from config.library import UnknownNameError, find
+from tests.missions.command import command
 
 
 def write(text: str) -> Path:
@@ -56,3 +57,17 @@ def test_mine_is_this_computers_robot_and_without_one_says_how_to_have_it() -> N
         find("robots", "mine")
     keep_default("robot", "humanoid")
     assert find("robots", "mine").stem == "humanoid"
+
+
+def test_a_folder_that_cannot_be_read_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    config_folder().mkdir(parents=True, exist_ok=True)
+    (config_folder() / "robots").write_text("no folder")
+    told = f"{config_folder() / 'robots'} cannot be read: Not a directory"
+    assert (own_files("robots"), unreadable_folders("robots")) == ({}, [told])
+    assert unreadable_folders("worlds") == []
+    listed = command(capsys, "list", "robots")
+    assert listed.code == 0
+    assert listed.err == f"mission: {told}\n"
+    refused = command(capsys, "check", "greet", "--robot", "rosie")
+    assert refused.code == 2
+    assert told in refused.err

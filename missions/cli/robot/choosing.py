@@ -12,6 +12,7 @@ import yaml
 from config.defaults import own_files
 from config.faults import InvalidFileError
 from config.library import find, shipped
+from config.reading import read_regular_text
 from config.robot import NAME, RobotKeys
 from config.units import in_dimension
 from drivers.api.driver import BrokenDriver, Driver
@@ -123,7 +124,7 @@ def _model(name: str) -> Model | None:
         config = load_robot(path)
     except InvalidFileError:
         return None
-    raw = yaml.safe_load(path.read_text(encoding="utf-8"))
+    raw = yaml.safe_load(read_regular_text(path))
     drivers = {part: section.driver for part, section in config.sections.items()}
     arm = config.sections["arm"].keys if "arm" in config.sections else None
     sections = {part: {**raw[part]} for part in drivers}

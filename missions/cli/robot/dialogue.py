@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from config.reading import read_regular_text
 from config.saving import save_file
 from missions.cli.keys import Keys
 
@@ -31,7 +32,7 @@ class Dialogue:
         self._unkept = False
         with suppress(OSError, ValueError, TypeError, RecursionError):  # none, or not to be read: as if there were none
             if kept.is_file():
-                self._answers = dict(json.loads(kept.read_text(encoding="utf-8")))
+                self._answers = dict(json.loads(read_regular_text(kept)))
 
     @property
     def begun(self) -> bool:

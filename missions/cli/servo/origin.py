@@ -11,6 +11,7 @@ from pathlib import Path
 from stat import S_ISREG
 from typing import Any
 
+from config.reading import read_regular_text
 from drivers.dynamixel.bus import Bus
 from drivers.dynamixel.joint import Joint
 from drivers.errors import BadRequest, DeviceFault
@@ -73,7 +74,7 @@ def load(path: Path) -> Settings:
         found = file.stat()
         if not S_ISREG(found.st_mode) or found.st_size > LARGEST:  # a pipe would be waited for
             raise ValueError(f"not a regular file of at most {LARGEST} bytes")
-        return _checked(json.loads(file.read_text(encoding="utf-8")))
+        return _checked(json.loads(read_regular_text(file)))
     except (OSError, ValueError, RecursionError) as error:
         raise _unreadable(file, error) from error
 

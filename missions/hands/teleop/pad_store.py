@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from config.defaults import config_folder
+from config.reading import read_regular_text
 from config.saving import PRIVATE, save_file
 from drivers.errors import NotConnected
 from missions.hands.teleop.layout import Control, PadLayout, Stick
@@ -27,7 +28,7 @@ def load_taught(path: Path | None = None) -> dict[str, PadLayout]:
     """
     path = pads_file() if path is None else path
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(read_regular_text(path))
         layouts = {str(key): _layout(told) for key, told in found.items()}
         for key, layout in layouts.items():
             for fault in layout.faults():

@@ -34,6 +34,7 @@ from mcap.records import (
     Statistics,
 )
 
+from config.reading import regular
 from missions.records.recording.container import HEAD, MESSAGE, Container, Span, records_in
 from missions.records.recording.faults import InvalidRecordError
 from missions.records.recording.survey import FOREIGN, MAGIC, survey
@@ -58,7 +59,7 @@ class Mended:
 
 def mend(path: Path) -> Mended:
     """Close the record in ``path``. Raises NotMendedError, OSError."""
-    with path.open("r+b") as file:
+    with open(path, "r+b", opener=regular) as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:

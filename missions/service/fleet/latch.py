@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
 
+from config.reading import read_regular_text
 from config.saving import sync_folder
 
 FILE = "fleet_stop.json"
@@ -21,7 +22,7 @@ class FleetLatch:
     def load(self) -> None:
         """Take up what was kept. A file that cannot be read counts as a stop: a person is to look."""
         try:
-            told = json.loads(self._path.read_text(encoding="utf-8"))
+            told = json.loads(read_regular_text(self._path))
             self.by, self.number = str(told["by"]), int(told["number"])
         except FileNotFoundError:
             return

@@ -1,11 +1,15 @@
 """Runs on a robot are recorded, and the oldest records make room."""
 
+import fcntl
 import os
+import shutil
 from pathlib import Path
 
 import pytest
 
 from config.defaults import FILE, config_folder, keep_default
+from drivers.clock import time_of_day
+from missions.cli.recording import record_wish
 from missions.studio import ring
 from tests.missions.command import command
 from tests.missions.lone_base import LONE_ROBOT, lone_base
@@ -41,6 +45,80 @@ def test_the_newest_stays_however_large_it_is(tmp_path: Path, monkeypatch: pytes
     path = written(tmp_path, "one", age=100 * DAY)
     ring.make_room(tmp_path, 1e9)
     assert path.exists()
+
+
+NOW = 1e9
+YEAR = 365 * DAY
+
+
+@pytest.mark.parametrize("wrong", [0.0, 1000.0, NOW - YEAR, NOW + 2 * YEAR, NOW + 70 * YEAR, 2.0**31, 2.0**33])
+def test_no_record_goes_by_its_age_while_the_clock_is_wrong_nor_after_that(tmp_path: Path, wrong: float) -> None:
+    files = [written(tmp_path, str(age), age=age * DAY) for age in (1, 5, 20)]
+    for hours in range(3):  # runs meanwhile
+        assert ring.make_room(tmp_path, wrong + hours * 3600.0) == []
+        files.append(written(tmp_path, f"then{hours}", age=NOW - wrong - hours * 3600.0))
+    assert ring.make_room(tmp_path, NOW) == []  # the clock is right again
+    assert all(path.exists() for path in files)
+
+
+def test_records_from_the_future_are_kept_and_do_not_make_others_old(tmp_path: Path) -> None:
+    ahead = written(tmp_path, "ahead", age=-300 * YEAR)
+    near, far = written(tmp_path, "near", age=10 * DAY), written(tmp_path, "far", age=35 * DAY)
+    assert ring.make_room(tmp_path, NOW) == ["far.mcap (over 30 days old)"]
+    assert (ahead.exists(), near.exists(), far.exists()) == (True, True, False)
+
+
+def test_the_first_made_makes_room_whatever_its_stamp_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    names = ("first", "second", "third", "fourth")
+    stamps = (NOW, 60.0, NOW + 70 * YEAR, 30.0)  # a clock that begins in 1970 at each start, until it is set
+    for name, stamp in zip(names, stamps, strict=True):
+        written(tmp_path, name, age=NOW - stamp)
+        ring.make_room(tmp_path, stamp)
+    monkeypatch.setattr(ring, "ROOM", 25)
+    removed = ring.make_room(tmp_path, 90.0)
+    assert sorted(path.stem for path in ring.records_in(tmp_path)) == ["fourth", "third"]
+    assert sorted(each.partition(".")[0] for each in removed) == ["first", "second"]
+
+
+def test_a_record_that_is_being_written_stays(tmp_path: Path) -> None:
+    written(tmp_path, "new", age=DAY)
+    old = written(tmp_path, "old", age=31 * DAY)
+    with old.open("ab") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        assert ring.make_room(tmp_path, NOW) == []
+    assert ring.make_room(tmp_path, NOW) == ["old.mcap (over 30 days old)"]
+
+
+@pytest.mark.parametrize("kind", ["fifo", "folder", "dangling", "binary", "device"])
+def test_what_stands_in_place_of_the_order_hangs_nothing(tmp_path: Path, kind: str) -> None:
+    order = tmp_path / ring.ORDER
+    match kind:
+        case "fifo":
+            os.mkfifo(order)
+        case "folder":
+            order.mkdir()
+        case "dangling":
+            order.symlink_to("nowhere")
+        case "binary":
+            order.write_bytes(bytes(range(256)))
+        case "device":
+            order.symlink_to("/dev/zero")
+    new, old = written(tmp_path, "new", age=DAY), written(tmp_path, "old", age=31 * DAY)
+    assert ring.make_room(tmp_path, NOW) == ["old.mcap (over 30 days old)"]
+    assert (new.exists(), old.exists()) == (True, False)
+
+
+def test_a_run_tells_which_records_it_removes(capsys: pytest.CaptureFixture[str]) -> None:
+    folder = ring.records_folder()
+    folder.mkdir(parents=True)
+    for name, age in (("new", DAY), ("old", 31 * DAY)):
+        path = written(folder, name, age=age)
+        now = time_of_day().timestamp()
+        os.utime(path, (now - age, now - age))
+    record_wish(None, None, None, overwrite=False, mission="m", otherwise=True)
+    told = f"mission: removed old records from {folder}: old.mcap (over 30 days old)"
+    assert capsys.readouterr().err.strip() == told
+    shutil.rmtree(folder)
 
 
 def test_a_folder_that_cannot_be_read_is_an_error_and_no_empty_one(tmp_path: Path) -> None:

@@ -1,0 +1,73 @@
+"""Something else in place of a file that is locked or read: it is named, and nothing waits for it."""
+
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from missions.records.recording.mend import mend
+from missions.service.lock import holder, is_locked, locked
+from missions.studio.audit import Audit
+from missions.studio.places import places
+from missions.studio.processes import identity_of
+from missions.studio.stop_stamp import NAME, is_stopped_since
+
+KINDS = ("fifo", "socket", "folder", "device", "dangling", "loop")
+
+
+def odd(path: Path, kind: str) -> Path:
+    """Put something that is no file at a path."""
+    match kind:
+        case "fifo":
+            os.mkfifo(path)
+        case "socket":
+            with socket.socket(socket.AF_UNIX) as made:
+                made.bind(str(path))
+        case "folder":
+            path.mkdir()
+        case "device":
+            path.symlink_to("/dev/zero")
+        case "dangling":
+            path.symlink_to(path.parent / "nowhere")
+        case "loop":
+            path.symlink_to(path)
+    return path
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_lock_is_not_taken_and_its_path_is_named(tmp_path: Path, kind: str) -> None:
+    path = odd(tmp_path / "run.lock", kind)
+    with pytest.raises(OSError, match=r"run\.lock"), locked(path):
+        pytest.fail("it was taken")
+    if kind == "dangling":
+        assert not (tmp_path / "nowhere").exists()
+    if kind in ("folder", "dangling"):
+        assert not is_locked(path)
+    else:
+        with pytest.raises(OSError, match=r"run\.lock"):
+            is_locked(path)
+    assert holder(path) == ""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_record_that_is_none_is_not_repaired(tmp_path: Path, kind: str) -> None:
+    with pytest.raises(OSError, match=r"record\.mcap"):
+        mend(odd(tmp_path / "record.mcap", kind))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_log_that_is_none_costs_its_lines(tmp_path: Path, kind: str) -> None:
+    Audit(odd(tmp_path / "studio.log", kind)).tell("Ada", "operator", {"do": "stop"}, "ok")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_stamp_of_a_stop_that_is_none_is_passed_over(
+    tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    folder = places()[0].prepare()
+    odd(folder / NAME, kind)
+    process = identity_of(os.getpid())
+    assert process is not None
+    assert not is_stopped_since(process)
