@@ -79,8 +79,9 @@ def guards_kept(tree: Step) -> list[Diagnostic]:
     for step in tree.walk():
         guard = _first_guard(step.children[0]) if step.kind == "once" else None
         if guard is not None:
-            said = f"'once' remembers it, too, where '{guard.kind}' (line {guard.mark.line}) lets nothing start"
-            found.append(Diagnostic(step.source, step.mark, f"{said}: it is not asked again", _instead(step, guard)))
+            said = f"'once' also remembers that '{guard.kind}' (line {guard.mark.line}) let nothing start"
+            hint = _instead(step, guard)
+            found.append(Diagnostic(step.source, step.mark, f"{said}, and does not ask it again", hint))
     return found
 
 

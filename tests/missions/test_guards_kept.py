@@ -61,7 +61,7 @@ def hints(node: str) -> list[tuple[str, str]]:
 @pytest.mark.parametrize("node", KEPT)
 def test_once_around_a_guard_gets_a_hint(node: str) -> None:
     guard, suggestion = KEPT[node]
-    message = f"'once' remembers it, too, where '{guard}' (line 2) lets nothing start: it is not asked again"
+    message = f"'once' also remembers that '{guard}' (line 2) let nothing start, and does not ask it again"
     assert hints(node) == [(message, suggestion)]
 
 
