@@ -22,7 +22,7 @@ _ONE_VIEWER = "most small cameras have one viewer at a time: close it in the bro
 _PORTS = {"http": 80, "https": 443, "rtsp": 554, "rtmp": 1935}
 
 _LOG = (
-    (r"\b(401|403|404|503)\b", 0),
+    (r"(?:failed: |error )(401|403|404|503)\b", 0),
     (r"refused", errno.ECONNREFUSED),
     (r"timed out|timeout", errno.ETIMEDOUT),
     (r"no route|unreachable", errno.EHOSTUNREACH),

@@ -338,6 +338,34 @@ def test_why_an_address_gives_no_pictures_is_said(behaviour: Answer, reason: str
         assert hint in camera.health().hint
 
 
+def rtsp(status: str) -> Answer:
+    def behave(connection: Connection) -> None:
+        while True:
+            connection.request = b""
+            connection.read()
+            (sequence,) = [line for line in connection.request.decode().split("\r\n") if line.startswith("CSeq")]
+            connection.send(f'RTSP/1.0 {status}\r\n{sequence}\r\nWWW-Authenticate: Basic realm="cam"\r\n\r\n'.encode())
+
+    return behave
+
+
+@pytest.mark.parametrize(
+    ("status", "names", "reason", "hint"),
+    [
+        ("401 Unauthorized", "", "wants a user name and a password (401", "rtsp://NAME:PASSWORD@127.0.0.1:"),
+        ("401 Unauthorized", "me:secret@", "refuses this user name or password (401", "in an address @ is %40"),
+        ("404 Not Found", "", "has nothing at this address (404", "usual ones"),
+        ("453 Not Enough Bandwidth", "me:secret@", "cannot be opened as a stream", "ffplay rtsp://***@"),
+    ],
+)
+def test_why_an_rtsp_camera_refuses_is_said(status: str, names: str, reason: str, hint: str) -> None:
+    with WebCamera(rtsp(status), asks=False) as web, watched(f"rtsp://{names}127.0.0.1:{web.port}/x") as camera:
+        wait_until(lambda: reason in camera.health().detail)
+        health = camera.health()
+        assert hint in health.hint
+        assert "secret" not in health.detail + health.hint
+
+
 @pytest.mark.parametrize(
     ("source", "reason", "hint"),
     [

@@ -31,6 +31,21 @@ def test_what_people_want_to_know_is_told(event: Event, line: str) -> None:
     assert out.getvalue() == (f"{line}\n" if line else "")
 
 
+def test_a_part_that_is_back_is_told_of_and_one_that_was_never_away_is_not() -> None:
+    out, address = StringIO(), "http://192.168.4.1:81/stream"
+    with Watcher(out) as watcher:
+        watcher(FaultRaised(0.1, "camera", "online", f"{address} gives pictures"))
+        watcher(FaultRaised(2.0, "camera", "offline", f"camera: {address}: no picture for 2.0 s"))
+        watcher(FaultRaised(2.0, "base", "fault", "base: a wheel has dropped"))
+        watcher(FaultRaised(4.5, "camera", "online", f"{address} gives pictures again"))
+        watcher(FaultRaised(5.0, "camera", "online", f"{address} gives pictures again"))
+    assert out.getvalue().splitlines() == [
+        f"   2.0 s  ! camera: {address}: no picture for 2.0 s",
+        "   2.0 s  ! base: a wheel has dropped",
+        f"   4.5 s  \u2713 camera: back: {address} gives pictures again",
+    ]
+
+
 class Terminal(StringIO):
     def isatty(self) -> bool:
         return True
