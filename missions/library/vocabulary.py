@@ -10,11 +10,11 @@ import inspect
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from functools import lru_cache, partial
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from py_trees.behaviour import Behaviour
 
@@ -165,13 +165,14 @@ def _from_entry_point(point: "EntryPoint") -> Offer:
         raise InvalidFileError([Diagnostic(source, Mark(), problem.message, hint)])
     try:
         with redirect_stdout(sys.stderr):  # what it prints is no part of an answer
-            found: object = point.load()
+            found: Any = point.load()
     except Exception as error:
         raise InvalidFileError([Diagnostic(source, Mark(), f"cannot be imported: {said(error)}", hint)]) from error
-    if isinstance(found, ModuleType):
+    if issubclass(type(found), ModuleType):
         return _of_module(found, source)
-    if isinstance(found, type) and issubclass(found, Behaviour):
-        return Offer(source, [found])
+    with suppress(Exception):  # of a class that is like no other
+        if issubclass(type(found), type) and issubclass(found, Behaviour):
+            return Offer(source, [found])
     raise InvalidFileError([Diagnostic(source, Mark(), f"names neither a behaviour nor a module, but {shown(found)}")])
 
 
@@ -197,13 +198,18 @@ def _from_file(path: Path) -> Offer:
 
 
 def _of_module(module: ModuleType, source: Source) -> Offer:
-    found = [
-        cls
-        for name, cls in vars(module).items()
-        if issubclass(type(cls), type) and cls.__module__ == module.__name__ and not name.startswith("_")
-        if issubclass(cls, Behaviour) and not inspect.isabstract(cls)
-        if (cls.word if issubclass(cls, Leaf) else not issubclass(cls, Node))
-    ]
+    found: list[type[Behaviour]] = []
+    for name, cls in vars(module).items():
+        with suppress(Exception):  # of a class that is like no other
+            if (
+                issubclass(type(cls), type)
+                and cls.__module__ == module.__name__
+                and not name.startswith("_")
+                and issubclass(cls, Behaviour)
+                and not inspect.isabstract(cls)
+                and (cls.word if issubclass(cls, Leaf) else not issubclass(cls, Node))
+            ):
+                found.append(cls)
     if not found:
         hint = "write a class that extends behaviours.leaf.Leaf and has a `word`, or a py_trees behaviour"
         raise InvalidFileError([Diagnostic(source, Mark(), "there is no behaviour in it", hint)])
