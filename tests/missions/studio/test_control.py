@@ -107,8 +107,9 @@ def test_a_client_that_reads_nothing_costs_the_others_nothing(run: Process) -> N
     with client_of(run) as slow, client_of(run) as quick:
         slow.send(do="watch", events=True)
         quick.send(do="watch")
-        ticks = [quick.hear(lambda told: told["say"] == "state")["tick"] for _ in range(20)]
-        assert ticks[-1] - ticks[0] >= 19
+        first = quick.hear(lambda told: told["say"] == "state")["tick"]
+        # On a busy machine, one tick may have two states, which come by the time: the ticks count.
+        quick.hear(lambda told: told["say"] == "state" and told["tick"] >= first + 19)
 
 
 @pytest.mark.real_time
