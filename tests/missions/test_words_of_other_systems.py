@@ -464,6 +464,21 @@ def test_a_word_that_nothing_here_means_gets_no_form(word: str) -> None:
     assert hint_for(word) == COMPARISON
 
 
+@pytest.mark.parametrize("word", ["Timeout", "TimeLimit", "MaxTime"])
+def test_a_time_limit_fails_a_node_that_still_runs(word: str) -> None:
+    assert [status for status, _ in played(follow(word, [leaf("a", "R")], "250 ms"), ticks=4)] == [
+        "RUNNING",
+        "RUNNING",
+        "RUNNING",
+        "FAILURE",
+    ]
+
+
+def test_a_delay_waits_before_each_start() -> None:
+    lines = played(follow("Delay", [leaf("a", "S")], "150 ms"), ticks=5)
+    assert lines == [("RUNNING", []), ("RUNNING", []), ("SUCCESS", ["a S"]), ("RUNNING", []), ("RUNNING", [])]
+
+
 @pytest.mark.parametrize("word", ["while", "until"])
 def test_a_loop_of_other_languages_is_no_guard(word: str) -> None:
     with pytest.raises(InvalidFileError) as caught:
