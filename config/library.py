@@ -200,7 +200,8 @@ def _foreign(asked: str, path: Path) -> str:
     if found is not None:
         meant = found.form in {"moves": PLAYED, "calibrations": CALIBRATIONS}.get(asked, ())
         return "" if meant else f"{path} is {found.what}: {found.use.format(path)}"
-    if path.is_dir() or path.suffix.lower() in (*SUFFIXES, ".json") or isinstance(plain_data(path), Mapping):
+    by_name = path.suffix.lower() in (*SUFFIXES, ".json")
+    if asked == "records" or path.is_dir() or by_name or isinstance(plain_data(path), Mapping):
         return ""
     sheet = f"a table of a movement has to end in {', '.join(SHEETS)}" if asked == "moves" else "see `mission --help`"
     return f"{path} is not recognised: files of MissionTree end in .yaml; {sheet}"

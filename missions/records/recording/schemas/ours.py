@@ -139,11 +139,13 @@ OURS: Mapping[str, Schema] = {
     ),
     "missiontree.VariableSet": closed(
         "A variable of a mission has a new value.",
+        "dimension",
         t=TIME,
         tick=_TICK,
         scope=text("The key of the sub-mission whose variable it is; empty for the mission itself."),
         name=text("The variable."),
         value={"description": 'Its value. What is more than plain JSON carries its kind under "$".'},
+        dimension=or_null(text("The dimension of a quantity, whose value is in SI units.")),
     ),
     "missiontree.View": opened(
         "All that one frame showed.",

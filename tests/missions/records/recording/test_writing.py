@@ -131,10 +131,10 @@ BYTES = {
     "missiontree.Lost": "6fca371329333c73",
     "missiontree.Mission": "acf9db7437e47ac9",
     "missiontree.Moment": "8d3eb8c515d51be1",
-    "missiontree.NodeChanged": "07dbc16c3dd96fbc",
+    "missiontree.NodeChanged": "e1b739949aa65c36",
     "missiontree.Notified": "e629c1c518a64580",
     "missiontree.ReflexFired": "47856797088415b8",
-    "missiontree.VariableSet": "4bc47aee0f155793",
+    "missiontree.VariableSet": "0776206549ae63d5",
     "missiontree.View": "06fcbf47dbe376b1",
 }
 """The beginnings of the SHA-256 of the schemas in records of format 1."""

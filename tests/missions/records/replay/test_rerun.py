@@ -58,7 +58,7 @@ def test_a_changed_threshold_is_named_with_tick_node_and_line(
     mission = changed(tmp_path, "within: 5 deg", "within: 2 deg")
     difference = again(greeting, mission, robot).difference
     assert difference is not None
-    assert (difference.now_at.key, difference.now_at.kind) == ("1.2.2.1.1", "face_centred")
+    assert (difference.now_at.key, difference.now_at.kind) == ("1.2.2.1", "face_centred")
     assert (difference.then_at.file, difference.then_at.line) == ("greet.yaml", 17)
     assert (difference.now_at.file, difference.now_at.line) == (str(mission), 17)
     assert (difference.then.status, difference.now.status) == ("success", "failure")
@@ -94,8 +94,8 @@ def test_a_behind_node_is_still_compared_where_its_key_is_another(
     path.write_text(path.read_text().replace("within: 5 deg", "within: 2 deg"))
     difference = again(greeting, path, robot).difference
     assert difference is not None
-    assert difference.then_at.key == "1.2.2.1.1"
-    assert difference.now_at.key == "1.3.2.1.1"
+    assert difference.then_at.key == "1.2.2.1"
+    assert difference.now_at.key == "1.3.2.1"
     assert (difference.then_at.line, difference.now_at.line) == (17, 18)
 
 
