@@ -30,7 +30,7 @@ def sheet_of(path: Path, form: str, arm: ArmKeys | None) -> Sheet:
         else:
             data = plain_data(path)
             frames = _pypot(data) if form == "pypot" else _workbench(data)
-    except (OSError, ValueError, TypeError, LookupError, AttributeError) as error:
+    except (OSError, ArithmeticError, ValueError, TypeError, LookupError, AttributeError) as error:
         raise InvalidFileError(
             [Diagnostic(Source(str(path), ""), Mark(), f"its frames cannot be understood: {error}")]
         ) from error
@@ -49,9 +49,12 @@ def sheet_of(path: Path, form: str, arm: ArmKeys | None) -> Sheet:
 
 def _pypot(data: Mapping[str, Any]) -> dict[float, dict[str, float]]:
     """Return degrees by motor, by time (s): a motor has its angle, or its angle and its speed."""
+    rows = data["positions"]
+    if isinstance(rows, list):  # as older versions keep them
+        rows = {number / float(data["framerate"]): row for number, row in enumerate(rows)}
     found = {
         float(time): {motor: float(it[0] if isinstance(it, list) else it) for motor, it in motors.items()}
-        for time, motors in data["positions"].items()
+        for time, motors in rows.items()
     }
     return dict(sorted(found.items()))
 

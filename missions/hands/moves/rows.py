@@ -44,7 +44,20 @@ def _check_headings(sheet: Sheet, move: MoveConfig, arm: ArmKeys | None) -> None
             sheet.fault(sheet.top, column, f"there is no joint '{joint}'", _meant(source.column or joint, arm))
     if not move.joints:
         sheet.fault(sheet.top, 1, "there is no column of a joint")
+    _check_units(sheet, move)
     sheet.refuse()
+
+
+def _check_units(sheet: Sheet, move: MoveConfig) -> None:
+    """Note columns without a unit beside others in degrees: they would be radians, and hardly are."""
+    columns = {joint: source.column for joint, source in move.joints.items() if source.points is None}
+    units = {joint: heading_of(column, move.joints).unit for joint, column in columns.items()}
+    in_degrees = [joint for joint, unit in units.items() if unit == "deg"]
+    for joint, column in columns.items():
+        if in_degrees and not units[joint] and not move.degrees:
+            hint = f"head it '{column} (deg)' or '{column} (rad)', as its angles are"
+            what = f"'{column}' has no unit, and '{columns[in_degrees[0]]}' has degrees"
+            sheet.fault(sheet.top, sheet.headings.get(column, 1), what, hint)
 
 
 def _meant(heading: str, arm: ArmKeys) -> str:
@@ -57,6 +70,8 @@ def _meant(heading: str, arm: ArmKeys) -> str:
     if close := joint_called(name, arm.reaches) or closest(name, arm.reaches):
         if unit in ("deg", "rad"):
             return f"did you mean '{close} ({unit})'?"
+        if name.lower().startswith(close.lower()) and not joint_called(name, arm.reaches):  # a unit or kind behind it
+            return f"a column of it is headed '{close} (deg)' or '{close} (rad)', and has its angles in that unit"
         return f"did you mean '{close}'? without a unit it has radians: '{close} (deg)' has degrees"
     return one_of(name, arm.reaches)
 

@@ -119,7 +119,7 @@ def read_sheet(path: Path, tab: str | None = None) -> Sheet:
         sheet.top = 1
         sheet.fault(1, 1, "it needs a row of headings, and rows of numbers under it")
     elif _is_title(rows[filled[0]][1], (under := rows[filled[1]])[1]):
-        hint = f"take out what stands above row {under[0]}: the headings come first"
+        hint = f"take out what stands above row {under[0]}: the headings come first, each with its unit: 'elbow (deg)'"
         sheet.fault(sheet.top, 1, "a title, and no row of headings", hint)
     else:
         _take_headings(sheet, rows[filled[0]][1])
@@ -137,14 +137,15 @@ def _is_title(first: Sequence[Cell], second: Sequence[Cell]) -> bool:
     texts = [cell for cell in second if cell != "" and _value(cell) is None and not _COMMA.fullmatch(str(cell))]
     alone = sum(cell != "" for cell in first) == 1 and sum(cell != "" for cell in second) > 1
     headed = len(texts) > 1 and len(texts) == sum(cell != "" for cell in second)
-    return (alone or headed) and not all(is_unit(str(cell)) for cell in texts)
+    units = [is_unit(str(cell)) for cell in texts]
+    return (alone and not all(units)) or (headed and not any(units))
 
 
 def _has_units(sheet: Sheet, row: int, cells: Sequence[Cell]) -> bool:
     """Note a row of units under the headings, and say whether there is one."""
     named = [(heading, str(cells[column - 1])) for heading, column in sheet.headings.items() if column <= len(cells)]
     units = [(heading, cell) for heading, cell in named if cell and is_unit(cell)]
-    found = bool(units) and all(cell == "" or is_unit(str(cell)) for cell in cells)
+    found = bool(units) and all(cell == "" or _value(cell) is None for cell in cells)
     if found:
         such = ", ".join(f"'{heading} ({cell.strip('()[] ')})'" for heading, cell in units[:2])
         sheet.fault(row, 1, "a row of units", f"write each unit behind its heading, as in {such}, and take the row out")

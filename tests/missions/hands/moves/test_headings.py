@@ -98,6 +98,25 @@ def test_angles_that_fit_as_degrees_alone_are_asked_about(tmp_path: Path, arm: A
     assert hint == "are these degrees? then head the column 'elbow (deg)'"
 
 
+def test_a_column_without_a_unit_beside_degrees_is_refused(tmp_path: Path, arm: ArmKeys) -> None:
+    (message, hint) = ("'wrist' has no unit, and 'elbow (deg)' has degrees", "'wrist (deg)' or 'wrist (rad)'")
+    path = written(tmp_path, "time,elbow (deg),wrist\n0,10,1\n1,90,1.5\n")
+    ((said, cure),) = told(path, arm)
+    assert (said, hint in cure) == (message, True)
+    move = tmp_path / "reach.yaml"
+    text = "move: reach\nsheet: sheet.csv\njoints:\n  elbow: {column: elbow (deg)}\n  wrist: {column: wrist}\n"
+    move.write_text(text)
+    assert told(move, arm)[0][0] == message
+    move.write_text(f"{text}unit: deg\n")
+    assert degrees(load_move(move, arm=arm).keyframes[1].positions["wrist"]) == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize("behind", ["_mrad", ".pos", " ticks"])
+def test_what_stands_behind_a_joint_is_not_dropped_by_the_hint(tmp_path: Path, arm: ArmKeys, behind: str) -> None:
+    ((_, hint),) = told(written(tmp_path, f"time,elbow{behind}\n0,0.1\n1,0.2\n"), arm)
+    assert hint == "a column of it is headed 'elbow (deg)' or 'elbow (rad)', and has its angles in that unit"
+
+
 def test_a_unit_that_is_no_angle_is_refused(tmp_path: Path, arm: ArmKeys) -> None:
     for unit in ("ticks", "%", "mm", "rev"):
         ((message, hint), *_) = told(written(tmp_path, f"time,elbow ({unit})\n0,0.1\n1,0.2\n"), arm)
@@ -137,9 +156,10 @@ def test_a_title_row_is_named_with_the_row_of_headings(tmp_path: Path, arm: ArmK
     ((message, hint),) = told(path, arm)
     assert message == "a title, and no row of headings"
     assert f"above row {above.count(chr(10)) + 1}" in hint
+    assert "each with its unit: 'elbow (deg)'" in hint
 
 
-@pytest.mark.parametrize("units", ["s,deg,deg", "(s),(deg),(deg)", "s,°,°", "[s],Grad,"])
+@pytest.mark.parametrize("units", ["s,deg,deg", "(s),(deg),(deg)", "s,°,°", "[s],Grad,", "s,deg,ticks"])
 def test_a_row_of_units_goes_into_the_headings(tmp_path: Path, arm: ArmKeys, units: str) -> None:
     path = written(tmp_path, f"time,elbow,wrist\n{units}\n0,1,2\n1,2,3\n")
     ((message, hint),) = told(path, arm)
