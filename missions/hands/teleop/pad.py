@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from math import inf
 from pathlib import Path
+from stat import S_ISCHR
 from types import MappingProxyType
 
 from drivers.clock import Clock
@@ -14,7 +15,7 @@ from drivers.ports import explain
 from missions.hands.teleop import FIRST_PAD, events
 from missions.hands.teleop.events import Event, Span
 from missions.hands.teleop.keymap import ENABLE, LATCH, Push
-from missions.hands.teleop.layout import UNIDENTIFIED, PadLayout, PadModel, PadState, layout_for
+from missions.hands.teleop.layout import UNIDENTIFIED, PadLayout, PadModel, PadState, UnknownPadError, layout_for
 from missions.hands.teleop.pad_store import load_taught
 
 DEAD = 0.1
@@ -80,7 +81,14 @@ class Pad:
             self._descriptor = os.open(self.path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         except OSError as error:
             raise explain("pad", self.path, error) from error
-        return self._ask(self._descriptor)
+        model = self._ask(self._descriptor)
+        if model is None and S_ISCHR(os.fstat(self._descriptor).st_mode):  # js0 speaks another protocol
+            self.close()
+            raise UnknownPadError(
+                f"pad: {self.path}: no event node of a game pad, so its buttons are not known",
+                hint="ls -l /dev/input/by-id  (and name the one that ends in -event-joystick)",
+            )
+        return model
 
     def axes(self, model: PadModel) -> tuple[dict[int, Span], dict[int, int]]:
         """Return the spans of the axes of an identified pad, and their values now."""

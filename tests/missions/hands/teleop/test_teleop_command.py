@@ -190,7 +190,9 @@ def test_it_drives_a_virtual_robot_in_a_world_where_none_is_named() -> None:
         (("--robot", "turtlebot2", "--world", "empty"), 2, "--world is for a simulated robot"),
         (("--speed", "fast"), 2, "needs a share"),
         (("--speed", "200 %"), 2, "not within 5% and 100%"),
-        (("--pad", "/dev/null", "--robot", "bodiless.yaml"), 2, "bodiless has no base"),
+        (("--pad", "/dev/null"), 3, "/dev/null: no event node of a game pad"),  # as /dev/input/js0
+        (("--teach-pad", "/dev/null"), 3, "/dev/null: no event node of a game pad"),
+        (("--pad", "pipe", "--robot", "bodiless.yaml"), 2, "bodiless has no base"),
     ],
 )
 def test_what_cannot_be_done_is_said_in_words(
@@ -203,6 +205,7 @@ def test_what_cannot_be_done_is_said_in_words(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("bodiless.yaml").write_text("robot: bodiless\n", encoding="utf-8")
+    os.mkfifo("pipe")
     outcome = command(capsys, "teleop", *arguments)
     assert outcome.code == code
     assert words in outcome.err
