@@ -40,7 +40,7 @@ _MAGIC: tuple[tuple[int, bytes, str, str], ...] = (
     (0, b"GIF8", "a picture (GIF)", _UNUSED),
     (0, b"BM", "a picture (BMP)", _UNUSED),
     (8, b"WEBP", "a picture (WebP)", _UNUSED),
-    (8, b"WAVE", "a sound (WAV)", _UNUSED),
+    (8, b"WAVE", "a sound (WAV)", "mission hear --for 'yes, no' --wav {0}"),
     (8, b"AVI ", "a film (AVI)", _UNUSED),
     (4, b"ftyp", "a film (MP4)", _UNUSED),
     (0, b"\x1aE\xdf\xa3", "a film (Matroska)", _UNUSED),
@@ -71,6 +71,7 @@ _MAGIC: tuple[tuple[int, bytes, str, str], ...] = (
 )
 
 _TEXTS: tuple[tuple[str, str, str], ...] = (
+    (r"\A#WEBOTS_MOTION\b", "a motion file of Webots", _RECORD),
     (r"\A\s*HIERARCHY\s+ROOT\b", "a motion capture file (BVH)", _RECORD),
     (r"<Root\b[^>]*\btype=.[Mm]otion", "a motion file of RoboPlus 2.0 (.mtnx)", _RECORD),
     (r"<ChoregrapheProject\b|choregraphe/project", "a behaviour of Choregraphe (NAO, Pepper)", _RECORD),

@@ -194,8 +194,8 @@ def _foreign(asked: str, path: Path) -> str:
     """Say what a file of another program is, and what can be done with it; nothing where it may be one of ours."""
     from config.foreign import foreign_file, plain_data  # noqa: PLC0415 - most files are ours
 
-    if asked == "moves" and path.suffix.lower() in SHEETS:
-        return ""
+    if path.suffix.lower() in SHEETS:
+        return "" if asked == "moves" else f"{path} is a spreadsheet: mission servo play {path} --robot FILE --dry-run"
     found = foreign_file(path)
     if found is not None:
         meant = found.form in {"moves": PLAYED, "calibrations": CALIBRATIONS}.get(asked, ())

@@ -110,6 +110,31 @@ def test_arbotix_is_imported_in_degrees_from_its_neutral_step(mission: Mission) 
     assert (tilt.reverse, tilt.kind.ticks(tilt.zero), round(degrees(tilt.upper))) == (True, 512, 150)
 
 
+@pytest.mark.parametrize(
+    ("joint", "model", "words"),
+    [
+        ("ticks: 4096, range: 250.92", "MX-28", "has a range of 250.92 deg, an MX-28 360 deg"),
+        ("range: 250.92", "AX-12A", "has a range of 250.92 deg, an AX-12A 300 deg"),
+    ],
+)
+def test_arbotix_joints_with_another_range_are_another_servo(
+    mission: Mission, joint: str, model: str, words: str
+) -> None:
+    Path("crane.yaml").write_text(f"joints:\n  pan: {{id: 1, {joint}}}\n")
+    outcome = mission(f"servo import crane.yaml --model {model}")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert words in outcome.err
+
+
+def test_servos_that_count_from_elsewhere_are_not_imported(mission: Mission) -> None:
+    told = "joint 'elbow' has Homing_Offset 512"
+    for name, text in (("wx.yaml", INTERBOTIX), ("bench.yaml", "elbow: {ID: 4, Drive_Mode: 1}\n")):
+        Path(name).write_text(text.replace("Drive_Mode: 1", "Drive_Mode: 1, Homing_Offset: 512"))
+        outcome = mission(f"servo import {name} --model XM430-W350")
+        assert (outcome.code, outcome.out) == (2, "")
+        assert told in outcome.err
+
+
 def test_interbotix_needs_the_model_and_keeps_the_steps(mission: Mission) -> None:
     Path("wx.yaml").write_text(INTERBOTIX)
     outcome = mission("servo import wx.yaml")
@@ -260,9 +285,18 @@ def test_a_motion_of_roboplus_that_does_not_fit_is_refused(
     assert words in outcome.err
 
 
+def test_a_move_of_an_older_pypot_has_its_frames_at_its_rate(mission: Mission) -> None:
+    rows = [{"elbow": [0, 0]}, {"elbow": [10, 0]}]
+    Path("hello.json").write_text(json.dumps({"framerate": 50.0, "positions": rows}))
+    Path("bench.yaml").write_text(ARM)
+    assert mission("servo play hello.json --robot bench.yaml --dry-run").code == 0
+    assert [frame.time for frame in load_move(Path("hello.json")).keyframes] == [0.0, 0.02]
+
+
 @pytest.mark.parametrize(
     "text",
     [
+        json.dumps({"framerate": 0, "positions": [{"elbow": [1, 0]}]}),
         json.dumps({"framerate": 2, "positions": {"soon": {"elbow": [1, 0]}}}),
         json.dumps({"framerate": 2, "positions": {"0": {"elbow": [None, 0]}}}),
         json.dumps({"framerate": 2, "positions": {}}),
@@ -290,6 +324,7 @@ REFUSED = {
     "world.sdf": (f'{XML}<sdf version="1.7"><model name="a"/></sdf>'.encode(), "SDF"),
     "arm.xml": (b'<mujoco model="a"></mujoco>', "MuJoCo"),
     "hello.xar": (f'{XML}<ChoregrapheProject xmlns="x"><Box/></ChoregrapheProject>'.encode(), "Choregraphe"),
+    "walk.motion": (b"#WEBOTS_MOTION,V1.0,ShoulderR\n00:00:000,Pose1,0.1\n", "Webots"),
     "walk.bvh": (b"HIERARCHY\nROOT Hips\n{\n  OFFSET 0 0 0\n}\nMOTION\n", "BVH"),
     "tree.xml": (b'<root BTCPP_format="4"><BehaviorTree ID="A"/></root>', "BehaviorTree.CPP"),
     "start.launch": (b"<launch><node/></launch>", "launch file of ROS"),
@@ -358,6 +393,13 @@ def test_own_files_and_sheets_are_never_taken_for_those_of_others(tmp_path: Path
     for suffix in SHEETS:
         (tmp_path / f"sheet{suffix}").write_bytes(b"PK\x03\x04")
         assert wrong_kind("moves", tmp_path / f"sheet{suffix}") == ""
+
+
+@pytest.mark.parametrize("name", ["arm.csv", "arm.xlsx"])
+def test_a_sheet_is_called_a_spreadsheet_where_none_is_read(mission: Mission, name: str) -> None:
+    Path(name).write_bytes(b"PK\x03\x04" if name.endswith("x") else b"time,elbow\n0,1\n")
+    for line in (f"servo import {name}", f"check {name}", f"run {name} --simulate fast"):
+        assert f"{name} is a spreadsheet: mission servo play {name} --robot FILE" in mission(line).err, line
 
 
 def test_a_robot_file_given_to_import_says_that_it_is_one(mission: Mission) -> None:

@@ -5,7 +5,7 @@ What a file does not say, the model of its servos above all, is for the caller t
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from math import radians
+from math import degrees, isclose, radians
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +83,11 @@ def _arbotix(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: M
             raise _NotImported(
                 f"joint '{name}' has {ticks:g} steps, an {model.name} {model.last + 1}: name another --model"
             )
+        whole = degrees((model.last + 1) * model.tick)
+        if not isclose(turn := _number(name, part, "range", whole), whole, rel_tol=0.01):
+            raise _NotImported(
+                f"joint '{name}' has a range of {turn:g} deg, an {model.name} {whole:g} deg: name another --model"
+            )
         turned = part.get("invert", False) is True
         zero = model.angle(_number(name, part, "neutral", ticks // 2))
         half = (model.last + 1) / 2 * model.tick
@@ -125,6 +130,12 @@ def _workbench(found: ForeignJoints, path: Path, data: Mapping[str, Any], model:
         leader = part.get("Secondary_ID", part.get("Shadow_ID", NO_SHADOW + 1))
         if isinstance(leader, int) and leader <= NO_SHADOW and leader != part["ID"]:
             raise _NotImported(PAIRED.format(owners.get(leader, "?"), leader, part["ID"]))
+        for word in ("Homing_Offset", "Multi_Turn_Offset"):
+            if offset := _number(name, part, word, 0):
+                raise _NotImported(
+                    f"joint '{name}' has {word} {offset:g}, and joints are driven here that count from the servo's own "
+                    f"zero: in a copy of the file take {word} and the limits of '{name}' out"
+                )
         if part.get("Operating_Mode", 3) not in (3, 4, 5):
             found.notes.append(f"'{name}' is left out: in operating mode {part['Operating_Mode']} it is no joint")
             continue

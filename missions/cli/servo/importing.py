@@ -7,7 +7,7 @@ import click
 from config.editing import NotEditableError, require_own, rewrite, with_value
 from config.faults import Source, one_of
 from config.foreign import foreign_file
-from config.library import PLAYED, SHEETS, kinds_of, wrong_kind
+from config.library import PLAYED, kinds_of, wrong_kind
 from config.marked import read_source
 from config.writing import write_new
 from drivers.dynamixel.declared import ALIASES, JointKeys
@@ -71,10 +71,9 @@ def _imported(file: Path, model: str | None) -> ForeignJoints:
     """Read the joints of a file. Raises click.UsageError with what it is, and InvalidFileError."""
     foreign = None if kinds_of(file) else foreign_file(file)
     if foreign is None or not foreign.form or foreign.form in PLAYED:
-        sheet = f"{file} is a spreadsheet: mission servo play {file}" if file.suffix.lower() in SHEETS else ""
         other = f"{file} has no joints in a form that is known here (dynamixel_controllers, ArbotiX, Interbotix, "
         other += "dynamixel_workbench, LeRobot); `mission robot new` makes a robot file of what is plugged in"
-        raise click.UsageError(wrong_kind("joints", file) or sheet or other)
+        raise click.UsageError(wrong_kind("joints", file) or other)
     usual = {"ros": "AX-12A", "arbotix": "AX-12A", "lerobot": "STS3215"}.get(foreign.form)
     if model is None and usual is None:
         raise click.UsageError(f"{file} is {foreign.what}: say what its servos are, such as --model XM430-W350")
