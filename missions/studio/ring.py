@@ -21,7 +21,7 @@ ROOM = 2_000_000_000
 DAY = 24 * 3600.0
 
 ORDER = ".order"
-"""The file with the names of the records in the order in which they were made."""
+"""The file with the names of the records in the order in which they were made, each ended by a zero byte."""
 
 MAX_ORDER_BYTES = 1 << 20
 
@@ -95,11 +95,11 @@ def _in_order(folder: Path, records: Sequence[Path]) -> list[Path]:
     """
     there = {path.name: path for path in reversed(records)}  # the oldest first
     with suppress(OSError):
-        known = read_regular(folder / ORDER, MAX_ORDER_BYTES).decode("utf-8", errors="replace").splitlines()
+        known = os.fsdecode(read_regular(folder / ORDER, MAX_ORDER_BYTES)).split("\0")
         there = {name: there[name] for name in known if name in there} | there
     with suppress(OSError):  # without room for it, or with something else in its place, the stamps will do
         os.close(regular(str(folder / ORDER), os.O_RDWR | os.O_CREAT))
-        save_file(folder / ORDER, "".join(f"{name}\n" for name in there).encode(), 0o600)
+        save_file(folder / ORDER, os.fsencode("".join(f"{name}\0" for name in there)), 0o600)
     return [*there.values()][::-1]
 
 

@@ -108,6 +108,22 @@ def test_what_stands_in_place_of_the_order_hangs_nothing(tmp_path: Path, kind: s
     assert (new.exists(), old.exists()) == (True, False)
 
 
+@pytest.mark.parametrize("name", [b"caf\xe9.mcap", b"two\nlines.mcap"])
+def test_a_record_with_an_odd_name_keeps_its_place_in_the_order(
+    tmp_path: Path, name: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = tmp_path / os.fsdecode(name)
+    first.write_bytes(b"x" * 10)
+    os.utime(first, (NOW - 2 * DAY, NOW - 2 * DAY))
+    assert ring.make_room(tmp_path, NOW - 2 * DAY) == []
+    written(tmp_path, "second", age=3 * DAY)  # made later, by a clock that is behind
+    assert ring.make_room(tmp_path, NOW) == []
+    written(tmp_path, "third", age=0.0)
+    monkeypatch.setattr(ring, "ROOM", 25)
+    ring.make_room(tmp_path, NOW)
+    assert not first.exists()
+
+
 def test_a_run_tells_which_records_it_removes(capsys: pytest.CaptureFixture[str]) -> None:
     folder = ring.records_folder()
     folder.mkdir(parents=True)
