@@ -13,6 +13,7 @@ from missions.library.folders import checkup_file
 from missions.library.forms import load_with_own
 from missions.studio import library
 from missions.studio.form import BadMessage
+from missions.studio.time_limit import TimeLimitError
 from missions.studio.wishes import Library, Mission
 from tests.cases import each
 
@@ -145,6 +146,23 @@ def test_a_file_that_takes_too_long_is_named_and_hides_no_other(here: Path, monk
     assert [name for name in ("first.yaml", "third.yaml", "greet") if "trouble" in found[name]] == []
     assert entries() == found
     assert loaded.count("slow.yaml") == 1  # until a file changes
+
+
+def test_a_shipped_mission_that_took_too_long_is_read_again(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(here / "own.yaml", SAYS.format("own"))
+    monkeypatch.setattr(library, "_entries", {})
+
+    def busy(name: str) -> object:
+        if name == "greet":
+            raise TimeLimitError
+        return load_with_own(name)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(library, "load_with_own", busy)
+        before = edition()
+        assert "takes more than" in str(entries()["greet"]["trouble"])
+    assert edition() != before
+    assert "trouble" not in entries()["greet"]
 
 
 def test_a_list_that_takes_too_long_goes_on_where_it_was_left(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
