@@ -100,7 +100,7 @@ def test_arbotix_is_imported_in_degrees_from_its_neutral_step(mission: Mission) 
     outcome = mission("servo import crane.yaml -o crane_robot.yaml")
     assert outcome.code == 0, outcome.err
     assert "joint 'claw' is left out: it is a prismatic" in outcome.err
-    assert "an ArbotiX board is no adapter" in outcome.err
+    assert "an ArbotiX board is not an adapter" in outcome.err
     arm = load_robot(Path("crane_robot.yaml")).keys(DynamixelKeys)
     assert arm is not None
     turret, tilt = arm.joints["turret"], arm.joints["tilt"]
@@ -156,7 +156,7 @@ def test_dynamixel_workbench_gives_names_and_ids_and_says_what_lacks(mission: Mi
     assert outcome.code == 0, outcome.err
     assert "first: {id: 1, model: XL430-W250}" in outcome.out
     assert "joint 'first': its limits are in no file" in outcome.err
-    assert "'wheel' is left out: in operating mode 1" in outcome.err
+    assert "'wheel' is left out: operating mode 1" in outcome.err
 
 
 def test_a_calibration_of_lerobots_becomes_an_arm_that_names_it(mission: Mission) -> None:
@@ -190,6 +190,15 @@ def test_two_servos_on_one_joint_are_refused_with_both_ids(mission: Mission, tex
     assert outcome.code != 0
     assert "has two servos (1 and 4), which have to turn together" in outcome.err
     assert not Path("pair_robot.yaml").exists()
+
+
+@pytest.mark.parametrize("shadows", ["[elbow]", "elbow", "1"])
+def test_shadows_that_are_not_understood_are_refused(mission: Mission, shadows: str) -> None:
+    Path("wx.yaml").write_text(f"{INTERBOTIX}shadows: {shadows}\n")
+    outcome = mission("servo import wx.yaml --model XM430-W350 -o wx_robot.yaml")
+    assert outcome.code == 2
+    assert "'shadows' must be a mapping by motor" in outcome.err
+    assert not Path("wx_robot.yaml").exists()
 
 
 @pytest.mark.parametrize("name", ["elbow_mimic", "elbow_shadow", "shadow_elbow", "elbow_Slave"])

@@ -11,6 +11,7 @@ from typing import Any
 
 from config.faults import Diagnostic, InvalidFileError, Mark, Source
 from config.foreign import plain_data
+from config.units import seen
 from drivers.dynamixel.declared import JointKeys, Ticks
 from drivers.dynamixel.models import MODELS, Model
 from drivers.errors import BadRequest
@@ -99,14 +100,17 @@ def _arbotix(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: M
         least, most = joint.reach
         fastest = max(radians(_number(name, part, "max_speed")), 0.02) if "max_speed" in part else joint.speed
         found.joints[name] = replace(joint, limits=(max(lower, least), min(upper, most)), speed=fastest)
-    found.notes.append("an ArbotiX board is no adapter: the servos are to be behind a U2D2, a USB2AX or the like")
+    found.notes.append("an ArbotiX board is not an adapter: connect the servos to a U2D2, a USB2AX or the like")
 
 
 def _interbotix(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: Model) -> None:
     """Read the motors of an Interbotix arm: steps of the servo; shadows drive a joint together with another motor."""
     motors: Mapping[str, Mapping[str, Any]] = data["motors"]
     for word in ("shadows", "sisters"):
-        for name, part in (data.get(word) or {}).items():
+        pairs = data.get(word) or {}
+        if not isinstance(pairs, Mapping):
+            raise _NotImported(f"'{word}' must be a mapping by motor, not {seen(pairs)}")
+        for name, part in pairs.items():
             others = part.get("shadow_list", part) if isinstance(part, Mapping) else part
             other = next((each for each in _texts(others) if each in motors), None)
             if other is not None and name in motors:
@@ -137,7 +141,7 @@ def _workbench(found: ForeignJoints, path: Path, data: Mapping[str, Any], model:
                     f"zero: in a copy of the file take {word} and the limits of '{name}' out"
                 )
         if part.get("Operating_Mode", 3) not in (3, 4, 5):
-            found.notes.append(f"'{name}' is left out: in operating mode {part['Operating_Mode']} it is no joint")
+            found.notes.append(f"'{name}' is left out: operating mode {part['Operating_Mode']} is not one of positions")
             continue
         found.joints[name] = JointKeys(
             id=_id(name, part, "ID"), written_model=model.name, ticks=_ticks(name, part, model)
@@ -178,7 +182,7 @@ def _lerobot(found: ForeignJoints, path: Path, data: Mapping[str, Any], model: M
     load(str(path))
     for name, part in data.items():
         if is_wheel(name):
-            found.notes.append(f"motor '{name}' is left out: a wheel is no joint")
+            found.notes.append(f"motor '{name}' is left out: it drives a wheel")
         else:
             found.joints[name] = FeetechJointKeys(id=part["id"], written_model=model.name)
     found.calibration = shown(path.resolve())
