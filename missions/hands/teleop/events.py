@@ -107,11 +107,6 @@ def events_of(data: bytes) -> list[Event]:
     return [Event(*fields[2:]) for fields in _EVENT.iter_unpack(data[:whole])]
 
 
-def is_gamepad(capabilities: str) -> bool:
-    """Say whether a device has the south button of a game pad, by the ``capabilities/key`` of its node in sysfs."""
-    return has_button(capabilities, SOUTH)
-
-
 def has_button(capabilities: str, button: int) -> bool:
     """Say whether a device has a button, by the ``capabilities/key`` of its node in sysfs.
 

@@ -36,9 +36,10 @@ export function keep_proof(address) {
 function kept_proof() {
   try {
     proof = localStorage.getItem("proof") ?? proof;
-  } finally {
-    return encodeURIComponent(proof);
+  } catch {
+    // this browser keeps nothing
   }
+  return encodeURIComponent(proof);
 }
 
 history.replaceState(null, "", keep_proof(location.href));
