@@ -16,7 +16,7 @@ def own_folders() -> Iterator[Finding]:
     for what, folder in (("configuration", config_folder()), ("state", state_folder()), ("data", data_folder())):
         there = next(each for each in (folder, *folder.parents) if os.path.lexists(each))
         if not there.is_dir():
-            yield wrong("folders", f"{folder}, of the {what}: {there} is no folder", f"ls -ld {there}")
+            yield wrong("folders", f"{folder}, of the {what}: {there} is not a folder", f"ls -ld {there}")
         elif not os.access(there, os.W_OK | os.X_OK):
             yield wrong(
                 "folders", f"{folder}, of the {what}: {there} cannot be written", f"ls -ld {there}; df -h {there}"

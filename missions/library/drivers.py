@@ -96,7 +96,7 @@ def _loaded(points: Sequence["EntryPoint"]) -> Driver:
     except Exception as error:
         raise BrokenDriver(f"{told} cannot be imported: {said(error)}") from error
     if not issubclass(type(found), Driver):
-        raise BrokenDriver(f"{told} is no drivers.api.driver.Driver, but {shown(found)}")
+        raise BrokenDriver(f"{told} is {shown(found)}, not a drivers.api.driver.Driver")
     try:
         problem = _problem(point.name, found)
     except Exception as error:

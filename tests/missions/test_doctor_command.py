@@ -395,7 +395,7 @@ def test_a_folder_that_cannot_be_written_is_wrong(tmp_path: Path, monkeypatch: p
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
     (found,) = own_folders()
     assert (found.verdict, found.what) == (
-        "wrong", f"{tmp_path}/file/missiontree, of the state: {tmp_path}/file is no folder"
+        "wrong", f"{tmp_path}/file/missiontree, of the state: {tmp_path}/file is not a folder"
     )  # fmt: skip
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     monkeypatch.setattr(os, "access", lambda path, _: Path(path) != tmp_path)  # root may write everywhere

@@ -54,7 +54,7 @@ def _of_headings(sheet: Sheet, path: Path, arm: ArmKeys | None, *, in_degrees: b
             continue
         if unit not in ("", "deg", "rad") and name.lower() not in TIME_NAMES:
             hint = f"write '{name} (deg)' or '{name} (rad)', and its angles in that unit"
-            sheet.fault(sheet.top, column, f"'{unit}' is no unit of an angle", hint)
+            sheet.fault(sheet.top, column, f"'{unit}' is not a unit of angle", hint)
         joint = (joint_called(name, reaches) or name) if unit in ("deg", "rad") else heading
         if joint in joints:
             sheet.fault(sheet.top, column, f"joint '{joint}' has a column already: '{joints[joint].column}'")

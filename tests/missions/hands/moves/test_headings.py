@@ -120,7 +120,7 @@ def test_what_stands_behind_a_joint_is_not_dropped_by_the_hint(tmp_path: Path, a
 def test_a_unit_that_is_no_angle_is_refused(tmp_path: Path, arm: ArmKeys) -> None:
     for unit in ("ticks", "%", "mm", "rev"):
         ((message, hint), *_) = told(written(tmp_path, f"time,elbow ({unit})\n0,0.1\n1,0.2\n"), arm)
-        assert message == f"'{unit}' is no unit of an angle"
+        assert message == f"'{unit}' is not a unit of angle"
         assert "'elbow (deg)' or 'elbow (rad)'" in hint
 
 
