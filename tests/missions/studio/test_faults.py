@@ -10,7 +10,7 @@ from missions.executive.events import Event, FaultRaised
 from missions.order import RunRequest
 from missions.runner import Runner
 from missions.studio import sockets
-from missions.studio.doing import Faults
+from missions.studio.faults import Faults
 from missions.studio.form import BadMessage
 from missions.testing.stage import IN_PROCESS
 from tests.browser import Browser
