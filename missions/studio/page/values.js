@@ -2,12 +2,12 @@
 
 const HOLE = /\$\{((?:[^{}'"]|'[^']*'|"[^"]*")*)\}/g;
 // A text, a number with its unit, a member, or a name and what follows it.
-const TOKEN = /'[^']*'|"[^"]*"|\d[\d.]*\s*\w*|\.\w+|([A-Za-z_]\w*)(\s*[.([])?/g;
+const TOKEN = /'[^']*'|"[^"]*"|\d[\d.]*\s*\p{ID_Continue}*|\.\p{ID_Continue}+|([\p{ID_Start}_]\p{ID_Continue}*)(\s*[.([])?/gu;
 const WORDS = new Set(["and", "or", "not", "in", "is", "if", "else", "true", "false", "null", "none", "True", "False", "None"]);
 
 /** Return an expression with the values of its names; undefined where one of them is not known. */
 function known(expression, value) {
-  if (/^\s*[A-Za-z_]\w*\s*$/.test(expression)) return value(expression.trim());
+  if (/^\s*[\p{ID_Start}_]\p{ID_Continue}*\s*$/u.test(expression)) return value(expression.trim());
   let all = true;
   const text = expression.replace(TOKEN, (found, name, follows) => {
     if (!name || WORDS.has(name) || follows?.trim() === "(") return found;

@@ -17,7 +17,7 @@ from tests.missions.studio.running import simulated_run
 from tests.missions.studio.serving import Served
 from tests.waiting import wait_until
 
-KNOWN = {"greeting": "Hello", "side": "30 cm", "n": "3", "flag": "yes", "empty": ""}
+KNOWN = {"greeting": "Hello", "side": "30 cm", "n": "3", "flag": "yes", "empty": "", "größe": "20 cm", "名前": "Yuki"}
 
 FILLED = {
     "say: ${greeting}": "say: Hello",
@@ -29,6 +29,8 @@ FILLED = {
     "${side + 10 cm}": "30 cm + 10 cm",
     "${side + 1e-5 m}": "30 cm + 1e-5 m",
     "${empty}": "",
+    "${größe}, ${名前}": "20 cm, Yuki",
+    "${größe * 2 + side}": "20 cm * 2 + 30 cm",
     "${unknown}": "${unknown}",
     "${n + unknown} ${n}": "${n + unknown} 3",
     "${face.name}": "${face.name}",
