@@ -61,11 +61,18 @@ def find(kind: str, name: str, *, library: dict[str, Path] | None = None, folder
     with suppress(OSError):  # a name that is too long
         if path.is_dir() and (wrong := _foreign(kind, path)):
             raise UnknownNameError(wrong)
-    hint = _meant(kind, folder, name) or _close(kind, Path(name).stem if path.suffix in SUFFIXES else name, known)
+    hint = _hint(kind, folder, name, known)
     if path.suffix in (*SUFFIXES, ".mcap"):
         raise UnknownNameError(f"{seen(str(path))}: no such file" + (f"; {hint}" if hint else ""))
     missing = "".join(f"; {each}" for each in _missing(kind) if each)
     raise UnknownNameError(f"unknown {kind.removesuffix('s')} {seen(name)}; {hint or _all(kind, known)}{missing}")
+
+
+def _hint(kind: str, folder: Path, name: str, known: Collection[str]) -> str:
+    """Say what may be meant by a name that leads to no file; empty where nothing is close."""
+    if Path(name).suffix in SUFFIXES:
+        return _meant(kind, folder, name) or _alike(kind, folder, name) or _close(kind, Path(name).stem, known)
+    return _meant(kind, folder, name) or _close(kind, name, known) or _alike(kind, folder, name)
 
 
 def _own(kind: str, name: str) -> Path | None:
@@ -103,13 +110,17 @@ def is_file(path: Path) -> bool:
 
 
 def _meant(kind: str, folder: Path, name: str) -> str:
-    """Say what may be meant by a name that leads to no file: one with another ending, or one that is spelt alike."""
+    """Say which file is meant by a name that leads to none: one with another ending."""
     bare = name.removesuffix(".yaml").removesuffix(".yml")
     for there in [bare + suffix for suffix in SUFFIXES if Path(bare).name]:
         if is_file(folder / there):
             return wrong_kind(kind, folder / there) or f"did you mean the file '{there}'?"
-    if bare == name:
-        return ""
+    return ""
+
+
+def _alike(kind: str, folder: Path, name: str) -> str:
+    """Ask for the file beside ``name`` that is spelt alike."""
+    bare = name.removesuffix(".yaml").removesuffix(".yml")
     spelt = {each.stem: each.name for each in _beside(folder / name) if kind in kinds_of(each)}
     close = closest(Path(bare).name, spelt)
     return f"did you mean the file '{Path(name).with_name(spelt[close])}'?" if close else ""

@@ -12,7 +12,7 @@ from config.faults import SMART_QUOTES, Diagnostic, Mark, Source, place_of
 _FORBIDDEN = re.compile("[^\t\n\r -~\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What is not a printable character of YAML 1.1 (section 5.1 of its specification)."""
 
-_INDENT = "indent with blanks"
+_INDENT = "indent with spaces"
 _QUOTES = "put quotes around the text"
 _SLIPS = {
     "while scanning a quoted scalar": ("a quote is opened here and not closed", ""),
@@ -61,7 +61,10 @@ def syntax_fault(source: Source, error: yaml.YAMLError) -> Diagnostic:
     if found is not None:
         return found
     if problem == "could not find expected ':'" and (begin := _mark(error.context_mark)) is not None:
-        word, _, rest = source.line(begin.line)[begin.column - 1 :].strip().partition(" ")
+        text = source.line(begin.line)[begin.column - 1 :].strip()
+        word, _, rest = text.partition(" ")
+        if re.match(r"-\w", text):
+            return Diagnostic(source, begin, "a dash without a space after it", f"write '- {text[1:]}'")
         return Diagnostic(
             source, replace(begin, length=len(word)), f"'{word}' lacks a colon", f"write '{word}: {rest}'"
         )
@@ -89,7 +92,7 @@ def _common_slip(source: Source, line: str, mark: Mark, problem: str) -> Diagnos
     if "\t" in line[: len(line) - len(line.lstrip())]:
         return Diagnostic(source, Mark(mark.line, line.index("\t") + 1), "a tab in the indentation", _INDENT)
     if "'\\t'" in problem or line[mark.column - 1 : mark.column] == "\t":
-        return Diagnostic(source, mark, "a tab between words", "write blanks")
+        return Diagnostic(source, mark, "a tab between words", "write spaces")
     bare = _bare_word_above(source, mark.line)
     if bare is not None:
         word, place = bare

@@ -206,7 +206,7 @@ def _unknown(notes: Notes, key: Scalar, what: str, *, alone: bool, beside: Colle
     elif key.text == "do" and not {"while", "until"}.isdisjoint(beside):
         hint = COMPARISON  # a loop, which neither of them is
     elif found is not None and found[1] in words:
-        hint = f"write '{found[1]}: {found[2]}', with a colon and a blank"
+        hint = f"write '{found[1]}: {found[2]}', with a colon and a space"
     else:
         hint = _as_mission(notes, key.text, alone=alone)
         hint = hint or word_meant(key.text, notes.leaves, composites, modifiers, alone=alone)

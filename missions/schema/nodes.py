@@ -69,7 +69,7 @@ def _word(leaves: Mapping[str, type[Leaf]]) -> Schema:
     return {
         "enum": list(alone),
         "markdownEnumDescriptions": [summary(leaf) for leaf in alone.values()],
-        "errorMessage": f"write 'say: Hello', with a colon and a blank; alone stand only {', '.join(alone)}",
+        "errorMessage": f"write 'say: Hello', with a colon and a space; alone stand only {', '.join(alone)}",
     }
 
 

@@ -88,6 +88,8 @@ def said_of(kind: str, name: str, *, library: dict[str, Path] | None = None, bes
         ("missions", "gone.mcap", "'gone.mcap': no such file"),
         ("missions", "trol", "unknown mission 'trol'; did you mean one of patrol, patrol_two?"),
         ("missions", "ander", "unknown mission 'ander'; did you mean 'wander'?"),
+        ("missions", "aks", "unknown mission 'aks'; did you mean the file 'ask.yaml'?"),
+        ("worlds", "hoem", "unknown world 'hoem'; did you mean the file 'home.yaml'?"),
         ("missions", "xyzzy", "unknown mission 'xyzzy'; `mission list missions` has all"),
     ],
 )

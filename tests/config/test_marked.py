@@ -121,11 +121,12 @@ def test_mistakes_after_which_reading_goes_on_can_be_gathered() -> None:
 @pytest.mark.parametrize(
     ("text", "mark", "message", "suggestion"),
     [
-        ("a:\n\tb: 1\n", Mark(2, 1), "a tab in the indentation", "indent with blanks"),
+        ("a:\n\tb: 1\n", Mark(2, 1), "a tab in the indentation", "indent with spaces"),
         ("- find_face\n  timeout: 5 s\n", Mark(1, 3, 9), "so it needs a colon", "write '- find_face:'"),
         ("a: {b: ${c}}\n", Mark(1, 8, 4), "needs quotes", 'write "${c}"'),
         ("a: {b: [x, ${c}, y]}\n", Mark(1, 12, 4), "needs quotes", 'write "${c}"'),
         ("a: b: c\n", Mark(1, 5), "a second ': '", "put quotes around"),
+        ("a:\n  -b: c\n  -d\n", Mark(3, 3), "a dash without a space after it", "write '- d'"),
         ("a b\nc: d\n", Mark(1, 1, 1), "'a' lacks a colon", "write 'a: b'"),
         ("a b\n c: d\n", Mark(2, 3), "a colon is not expected here", "the line above lacks a colon"),
         ('a: "b\nc: d\n', Mark(1, 4), "a quote is opened here and not closed", ""),

@@ -212,8 +212,8 @@ UNITS = "(units: deg, rad)"
         (["- trak_face"], "trak_face", "unknown behaviour 'trak_face'", "did you mean 'track_face'?"),
         (["- Say: Hello"], "Say", "unknown behaviour 'Say'", "did you mean 'say'?"),
         (["- xyzzy: 3"], "xyzzy", "unknown behaviour 'xyzzy'", LISTED),
-        (["- say Hello"], "say Hello", "unknown behaviour 'say Hello'", "write 'say: Hello', with a colon and a blank"),
-        (["- say:Hello"], "say:Hello", "unknown behaviour 'say:Hello'", "write 'say: Hello', with a colon and a blank"),
+        (["- say Hello"], "say Hello", "unknown behaviour 'say Hello'", "write 'say: Hello', with a colon and a space"),
+        (["- say:Hello"], "say:Hello", "unknown behaviour 'say:Hello'", "write 'say: Hello', with a colon and a space"),
         (["- say: Hi", "  tiemout: 3 s"], "tiemout", "unknown modifier 'tiemout'", "did you mean 'timeout'?"),
         (["- say: Hi", "  xyzzy: 3 s"], "xyzzy", "unknown modifier 'xyzzy'", LISTED),
         # the form of a node
@@ -563,7 +563,7 @@ def test_a_variable_that_a_mission_inside_may_set_holds_anything(tmp_path: Path)
             "mission: m\ntree:\n  - say: Hi\n",
             [(3, "-", "a list needs a composite before it", "write 'sequence:' or 'parallel:' above it")],
         ),
-        ("mission: m\ntree:\n\t- say: Hi\n", [(3, "\t", "a tab in the indentation", "indent with blanks")]),
+        ("mission: m\ntree:\n\t- say: Hi\n", [(3, "\t", "a tab in the indentation", "indent with spaces")]),
         ("mission: m\ntree:\n  say: \0\n", [(3, "\0", "a character that YAML does not allow: U+0000", "")]),
     ],
 )
