@@ -31,6 +31,7 @@ class Film:
     """
 
     def __init__(self, path: Path, twins: Twins) -> None:
+        self.path = path
         self._movie = Movie(path, rate=RATE, option="--film")
         self._twins = twins
         self._renderer = Renderer(twins.world, twins.lens, noise=0.0)
@@ -45,9 +46,9 @@ class Film:
         return self._movie.trouble
 
     @property
-    def pictures(self) -> int:
-        """How many it has."""
-        return self._movie.pictures
+    def written(self) -> bool:
+        """Whether any of its pictures are at its path."""
+        return self._movie.written
 
     def __enter__(self) -> Self:
         self._movie.__enter__()

@@ -66,6 +66,7 @@ class Movie:
         self._option = option
         self._writer: cv2.VideoWriter | None = None
         self._beside = path  # the film until it is whole
+        self._replaced = False
         self.pictures = 0
         self.trouble = ""
 
@@ -87,9 +88,17 @@ class Movie:
             self._stop("it cannot be read to its end")
         if self.trouble and self._path.exists():
             self._beside.unlink(missing_ok=True)
-            self.trouble = f"{self.trouble}\n  {self._path} is the film of before"
-        else:
+            self.trouble = f"{self.trouble}\n  {self._path} is the earlier film; the new one was removed"
+        elif self.pictures:
             self._beside.replace(self._path)
+            self._replaced = True
+        else:
+            self._beside.unlink(missing_ok=True)
+
+    @property
+    def written(self) -> bool:
+        """Whether any of its pictures are at its path."""
+        return self._replaced if self.is_film else self.pictures > 0
 
     @property
     def is_film(self) -> bool:

@@ -205,7 +205,12 @@ class Recording:
         loss = self._recorder.close()
         if loss:
             with suppress(OSError):
-                click.echo(f"mission: {self._wish.path}: {loss}", err=True)
+                click.echo(f"mission: {self.path}: {loss}", err=True)
+
+    @property
+    def path(self) -> Path:
+        """Where the record is; renamed where it is incomplete and an earlier one has its name."""
+        return self._recorder.path
 
     def _report(self, notice: DeviceStatus) -> None:
         stream, now = self.runner.stream, self.runner.clock.now()

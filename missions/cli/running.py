@@ -31,6 +31,7 @@ from missions.studio.pictures import Pictures
 
 if TYPE_CHECKING:
     from missions.cli.announcing import Announcer
+    from missions.cli.events_file import EventsFile
     from missions.cli.film import Film
     from missions.cli.viewing import LiveView
 
@@ -104,7 +105,7 @@ def _run(
     if until is not None and runner.twins is not None:
         runner.twins.timeline.at(until, partial(_end, runner, until))
     with ExitStack() as closing:
-        film = _write(outputs, runner, closing, out)
+        film, events = _write(outputs, runner, closing, out)
         if recording is not None:
             closing.enter_context(recording)
         if outputs.view:
@@ -120,7 +121,7 @@ def _run(
             settle()
             result = runner.run()
     if result.reason != GONE:
-        _tell_left(_written(outputs, recording, film), runner.stream.lost)
+        _tell_left(_written(recording, events, film), runner.stream.lost)
     return result
 
 
@@ -158,11 +159,11 @@ def _tell_left(files: Sequence[str], lost: Iterable[object]) -> None:
             click.echo(f"mission: not all events were told: {each}", err=True)
 
 
-def _written(outputs: Outputs, recording: Recording | None, film: "Film | None") -> list[str]:
+def _written(recording: Recording | None, events: "EventsFile | None", film: "Film | None") -> list[str]:
     """Return the files that a run has left behind, but a film of which nothing could be written."""
-    record = outputs.record.path if outputs.record is not None and recording is not None and recording.begun else None
-    filmed = None if film is None or not film.pictures else outputs.film
-    return [str(path) for path in (record, outputs.events, filmed) if path is not None]
+    record = recording.path if recording is not None and recording.begun else None
+    filmed = film.path if film is not None and film.written else None
+    return [str(path) for path in (record, events and events.path, filmed) if path is not None]
 
 
 def _check(order: RunRequest, outputs: Outputs, out: TextIO, until: float | None) -> None:
@@ -202,24 +203,22 @@ def _end(runner: Runner, time: float) -> None:
     runner.executive.stop(f"still running after {written(time, 'duration')} of simulated time: {', '.join(at)}")
 
 
-def _write(outputs: Outputs, runner: Runner, closing: ExitStack, out: TextIO) -> "Film | None":
+def _write(
+    outputs: Outputs, runner: Runner, closing: ExitStack, out: TextIO
+) -> tuple["Film | None", "EventsFile | None"]:
     """Have events and a film written until ``closing`` ends, and the run ended where nobody reads any more.
 
-    Return the film, where there is to be one.
+    Return the film and the file of events, where there is to be one.
     """
-    film = None
+    film, events = None, None
     read = [sys.stdout, out]
     if outputs.events is not None:
-        from missions.cli.outputs import writing  # noqa: PLC0415 - most runs write no events
-        from missions.executive.json_lines import JsonLines  # noqa: PLC0415
-        from missions.records.recording.outputs import open_private  # noqa: PLC0415
+        from missions.cli.events_file import EventsFile  # noqa: PLC0415 - most runs write no events
 
         check_events(outputs.events, runner.plan)
-        with writing(outputs.events, "--events"):
-            file = open_private(outputs.events)
-        closing.callback(_close, file)
-        runner.stream.listeners.append(JsonLines(file))
-        read.append(file)
+        events = closing.enter_context(EventsFile(outputs.events))
+        runner.stream.listeners.append(events.lines)
+        read.append(events.file)
     if outputs.film is not None and runner.twins is not None:
         from missions.cli.film import Film  # noqa: PLC0415 - the metal imports no simulation
 
@@ -228,7 +227,7 @@ def _write(outputs: Outputs, runner: Runner, closing: ExitStack, out: TextIO) ->
         closing.enter_context(film)
     if outputs.leash is None:  # which tells that the server has gone
         closing.enter_context(heeded(read, runner.executive.stop))
-    return film
+    return film, events
 
 
 def _tell_trouble(film: "Film") -> None:
@@ -236,9 +235,3 @@ def _tell_trouble(film: "Film") -> None:
     if film.trouble:
         with suppress(OSError):
             click.echo(f"mission: {film.trouble}", err=True)
-
-
-def _close(file: TextIO) -> None:
-    """Close a file that may be on a full disk: what could not be written has been told already."""
-    with suppress(OSError):
-        file.close()

@@ -33,12 +33,19 @@ def _all(values: Collection[object]) -> list[object]:
 
 
 class JsonLines:
-    """Writes events to a text file, one JSON object a line, each flushed, so that a killed run keeps its past."""
+    """Writes events to a text file, one JSON object a line, each flushed, so that a killed run keeps its past.
+
+    ``whole`` is False once an event could not be written.
+    """
 
     def __init__(self, file: TextIO) -> None:
+        self.whole = True
         self._file = file
 
     def __call__(self, event: Event) -> None:
         """Write one event."""
-        self._file.write(json.dumps(event.as_dict(), default=plain, ensure_ascii=False) + "\n")
+        line = json.dumps(event.as_dict(), default=plain, ensure_ascii=False) + "\n"
+        self.whole = False
+        self._file.write(line)
         self._file.flush()
+        self.whole = True

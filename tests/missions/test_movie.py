@@ -96,6 +96,23 @@ def test_a_film_that_cannot_be_read_to_its_end_is_told(tmp_path: Path, ending: s
     assert "it cannot be read to its end" in film.trouble
 
 
+def test_a_film_that_could_not_be_written_leaves_the_earlier_one_and_is_not_called_written(tmp_path: Path) -> None:
+    path = tmp_path / "film.webm"
+    path.write_bytes(b"mine")
+    with files_of_at_most(100_000):
+        film = filmed(path, 60)
+    assert film.trouble.endswith(f"{path} is the earlier film; the new one was removed")
+    assert not film.written
+    assert path.read_bytes() == b"mine"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_film_without_a_picture_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(movie, "_room", lambda _: 1000)
+    assert not filmed(tmp_path / "film.webm", 1).written
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_pictures_in_a_folder_end_where_the_disk_is_full(tmp_path: Path) -> None:
     folder = tmp_path / "frames"
     with Movie(folder, rate=RATE, option="--film") as film:

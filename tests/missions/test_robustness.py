@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -129,6 +130,36 @@ def test_a_full_disk_costs_events_and_is_told(
     assert outcome.code == 0
     assert "No space left" in outcome.err
     assert "Traceback" not in outcome.err
+
+
+def test_a_full_disk_leaves_the_events_that_were_to_be_overwritten(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("ok.yaml").write_text("mission: ok\ntree: succeed\n")
+    Path("e.jsonl").write_text("mine")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (300, hard))
+    try:
+        outcome = command(capsys, "run", "ok.yaml", "--simulate", "fast", "--events", "e.jsonl")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert outcome.code == 0
+    assert Path("e.jsonl").read_text() == "mine"
+    assert {each.name for each in tmp_path.iterdir()} == {"ok.yaml", "e.jsonl", "e-incomplete.jsonl"}
+    assert "mission: e.jsonl is the earlier file, e-incomplete.jsonl the new one" in outcome.err
+    assert "wrote e-incomplete.jsonl" in outcome.err
+
+
+def test_events_take_the_place_of_earlier_ones(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("ok.yaml").write_text("mission: ok\ntree: succeed\n")
+    Path("e.jsonl").write_text("mine")
+    assert command(capsys, "run", "ok.yaml", "--simulate", "fast", "--events", "e.jsonl").code == 0
+    assert '"success"' in Path("e.jsonl").read_text().splitlines()[-1]
+    assert {each.name for each in tmp_path.iterdir()} == {"ok.yaml", "e.jsonl"}
 
 
 def test_log_is_shown_and_recorded(

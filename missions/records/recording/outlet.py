@@ -76,7 +76,7 @@ class Outlet:
         self.why = ""
         self.ended: float | None = None
         self.closed = self.takes = False
-        self._path = path
+        self.path = path
         self._overwrite = overwrite
         self._start_time = start_time
         self._arguments = [str(path.resolve()), repr(float(limit)), "overwrite" if overwrite else "new"]
@@ -96,13 +96,13 @@ class Outlet:
         """Start the process, and wait until the beginning of the record is in its file. Raises CannotRecordError."""
         if find_spec("mcap") is None:
             raise CannotRecordError("records need mcap, which is missing", hint="pip install 'missiontree[records]'")
-        if self._path.exists() and not self._path.is_file():
-            raise CannotRecordError(f"{self._path}: is no file that could be written over", hint="name another file")
-        if self._path.exists() and not self._overwrite:
-            raise CannotRecordError(f"{self._path}: is there already", hint="another name, or --overwrite")
-        if not self._path.parent.is_dir():
-            folder = self._path.parent
-            raise CannotRecordError(f"{self._path}: there is no folder {folder}", hint=f"mkdir -p {folder}")
+        if self.path.exists() and not self.path.is_file():
+            raise CannotRecordError(f"{self.path}: is no file that could be written over", hint="name another file")
+        if self.path.exists() and not self._overwrite:
+            raise CannotRecordError(f"{self.path}: is there already", hint="another name, or --overwrite")
+        if not self.path.parent.is_dir():
+            folder = self.path.parent
+            raise CannotRecordError(f"{self.path}: there is no folder {folder}", hint=f"mkdir -p {folder}")
         self._start()
         self.send(packed([contents]))
         wall = SystemClock()
@@ -112,7 +112,7 @@ class Outlet:
             why = self.why or f"its process did not begin within {self._start_time:.0f} s"
             self.give_up(why)
             self.finish()
-            raise CannotRecordError(f"{self._path}: cannot be written: {why}", hint="another folder or disk, with room")
+            raise CannotRecordError(f"{self.path}: cannot be written: {why}", hint="another folder or disk, with room")
 
     def _start(self) -> None:
         paths = [str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")]
@@ -126,7 +126,7 @@ class Outlet:
             start_new_session=True,  # a Ctrl-C is the run's to hear
         )
         if process.stdin is None or process.stdout is None:
-            raise CannotRecordError(f"{self._path}: its process has no pipes")
+            raise CannotRecordError(f"{self.path}: its process has no pipes")
         self._to, self._from = process.stdin.fileno(), process.stdout.fileno()
         os.set_blocking(self._to, False)
         with suppress(OSError, AttributeError):  # where the system has such a thing, and allows so much
@@ -171,6 +171,8 @@ class Outlet:
                 if not self.lost:
                     self.troubles.append(f"{why}: messages are being lost")
                 self.lost, self.why = lost, why
+            case {"renamed": str(name)}:
+                self.path = self.path.with_name(name)
             case {"trouble": str(why)}:
                 self.troubles.append(why)
             case {"closed": {"counts": dict(counts), "ended": ended}}:

@@ -3,9 +3,12 @@
 Records show people and name them, so that nobody but their owner can read what is made of one, or one itself.
 """
 
+import errno
 import os
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO, TextIO
 
@@ -27,6 +30,46 @@ def private(path: str, flags: int) -> int:
 def open_private(path: Path) -> TextIO:
     """Open a file that only its owner can read, to write text. Raises OSError."""
     return open(path, "w", encoding="utf-8", opener=private)
+
+
+class EarlierFile:
+    """The file that a run writes over as it goes, kept aside until the new one is whole.
+
+    A link, and whatever is no regular file, such as a pipe, is written as it is. Its methods raise OSError.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._aside: Path | None = None
+        if not path.is_file() or path.is_symlink():
+            return
+        if not os.access(path, os.W_OK):
+            raise PermissionError(errno.EACCES, "it is write-protected", str(path))
+        number, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:100]}.")
+        os.close(number)
+        self._aside = path.replace(name)
+
+    def remove(self) -> None:
+        """Remove the earlier file: the new one is whole. Never raises."""
+        if self._aside is not None:
+            with suppress(OSError):
+                self._aside.unlink()
+
+    def restore(self) -> Path | None:
+        """Put the earlier file back; return the new name of the incomplete one, None where nothing was renamed."""
+        if self._aside is None:
+            return None
+        renamed = None
+        if self._path.exists():
+            renamed = self._path.replace(_free(self._path.with_stem(f"{self._path.stem}-incomplete")))
+        self._aside.replace(self._path)
+        return renamed
+
+
+def _free(path: Path) -> Path:
+    """Return ``path``, with a number after its stem where it exists already."""
+    names = (path if number == 1 else path.with_stem(f"{path.stem}-{number}") for number in count(1))
+    return next(each for each in names if not each.exists())
 
 
 @contextmanager

@@ -2,7 +2,8 @@
 
 It gets batches of items on stdin, each behind its length, the first of which holds the contents; and tells on stdout, a
 line of JSON each, what becomes of them: ``ready`` or ``failed``, ``lost`` each time that something was, ``closed`` in
-the end, or at the limit. The end of stdin ends it, so that a run that is killed leaves a record that is closed.
+the end, or at the limit; ``renamed`` where an earlier record keeps its name. The end of stdin ends it, so that a run
+that is killed leaves a record that is closed.
 """
 
 import fcntl
@@ -15,8 +16,10 @@ import signal
 import sys
 from collections import deque
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict, replace
 from importlib.metadata import PackageNotFoundError, version
+from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +27,7 @@ from drivers.clock import Clock, SystemClock
 from missions.records.recording.head import Contents
 from missions.records.recording.items import EVENTS, HEADER, Missed, unpacked
 from missions.records.recording.mend import NotMendedError, mend
-from missions.records.recording.outputs import private
+from missions.records.recording.outputs import EarlierFile, private
 from missions.records.recording.sink import Sink
 from missions.records.recording.writer import RecordWriter, Written
 
@@ -86,7 +89,7 @@ class Keeper:
         self._inlet = inlet
         self._clock = clock
         self._limit = limit
-        self._how = "ab" if overwrite else "xb"
+        self._overwrite = overwrite
         self._lost = 0
 
     def run(self) -> None:
@@ -96,22 +99,23 @@ class Keeper:
             waiting += self._inlet.batches(FLUSH)
         if not waiting:
             return
-        with open(self._path, self._how, buffering=0, opener=private) as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # whoever mends records keeps away
-            except BlockingIOError as error:
-                raise OSError(error.errno, "another run is writing it just now") from error
-            file.truncate(0)  # only now that it is nobody else's
+        earlier = self._earlier()
+        with open(self._path, "xb", buffering=0, opener=private) as file:
+            _lock(file)  # whoever mends records keeps away
             writer = RecordWriter(Sink(file.fileno()), _contents(waiting.popleft()), limit=self._limit)
             try:
                 writer.begin()
             except OSError:
                 self._path.unlink()  # else it would be in the way of the next try
+                if earlier is not None:
+                    earlier.restore()
                 raise
             tell(ready=True)
             written = self._write(writer, waiting)
         if not written.whole:
             self._mend()
+        if earlier is not None:
+            earlier.remove() if written.whole else self._keep_earlier(earlier)
         tell(closed=asdict(written))
         while self._inlet.open:  # it was closed at its limit
             for _ in self._inlet.batches(GLANCE):
@@ -144,12 +148,37 @@ class Keeper:
             tell(lost=dict(writer.lost), why=writer.why)
         self._lost = lost
 
+    def _earlier(self) -> EarlierFile | None:
+        """Set the record aside that is to be overwritten, unless another run is writing it. Raises OSError."""
+        if not self._overwrite or not self._path.exists():
+            return None
+        with self._path.open("ab", buffering=0) as file:
+            _lock(file)
+            return EarlierFile(self._path)
+
     def _mend(self) -> None:
         """Give the record the index that it lacks; where the disk has no room for that, the user can do it later."""
         try:
             mend(self._path)
         except (OSError, NotMendedError) as error:
-            tell(trouble=f"the record could not be closed: {error}")
+            why = (error.strerror if isinstance(error, OSError) else None) or str(error)
+            tell(trouble=f"the record could not be closed: {why}")
+
+    def _keep_earlier(self, earlier: EarlierFile) -> None:
+        """Give the earlier record its name back: of the new one, the disk has lost a part."""
+        with suppress(OSError):
+            renamed = earlier.restore()
+            if renamed is not None:
+                tell(renamed=renamed.name)
+                tell(trouble=f"{self._path.name} is the earlier record, {renamed.name} what was written of the new one")
+
+
+def _lock(file: FileIO) -> None:
+    """Keep others from writing or mending a record. Raises OSError where another run writes it."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise OSError(error.errno, "another run is writing it just now") from error
 
 
 def _contents(batch: bytes) -> Contents:

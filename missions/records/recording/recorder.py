@@ -77,7 +77,6 @@ class Recorder:
         patient: bool = False,
         overwrite: bool = False,
     ) -> None:
-        self.path = path
         self._patient = patient
         start_time = PATIENT_START if patient else START_TIME
         self._outlet = Outlet(path, limit=limit, overwrite=overwrite, start_time=start_time)
@@ -96,6 +95,11 @@ class Recorder:
         self._clock: Clock | None = None
         self._report: Report = ignore
         self._check: Check | None = None
+
+    @property
+    def path(self) -> Path:
+        """Where the record is; renamed where it is incomplete and an earlier one has its name."""
+        return self._outlet.path
 
     # --- from beginning to end ----------------------------------------------------------------------------------------
 

@@ -9,7 +9,7 @@ import struct
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -25,7 +25,7 @@ from mcap.stream_reader import StreamReader
 
 from drivers.api import CameraFrame, DeviceStatus, Health
 from drivers.clock import ManualClock, SystemClock
-from missions.executive.events import Event, FaultRaised, Started, VariableSet
+from missions.executive.events import Event, FaultRaised, Logged, Started, VariableSet
 from missions.records.recording.budget import FRAMES, LIMIT
 from missions.records.recording.head import Contents
 from missions.records.recording.outlet import CannotRecordError
@@ -160,6 +160,31 @@ def test_a_file_is_overwritten_only_if_that_is_asked_for(tmp_path: Path) -> None
     with recording(path, overwrite=True) as (recorder, _):
         assert not recorder.close()
     assert counts_of(path) == {"/mission": 1}
+
+
+@pytest.mark.parametrize("room", [100, 100_000], ids=["not begun", "not written to its end"])
+def test_a_full_disk_leaves_the_record_that_was_to_be_overwritten(tmp_path: Path, room: int) -> None:
+    path = _written(tmp_path / "a.mcap")
+    before = path.read_bytes()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    recorder = Recorder(path, overwrite=True)
+    told: list[DeviceStatus] = []
+    draws = random.Random(1)  # noqa: S311 - text for tests
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, hard))
+    try:
+        with closing(recorder), suppress(CannotRecordError):
+            recorder.open(Contents(HEAD, FILES), ManualClock(), report=told.append)
+            for number in range(1000):
+                recorder(Logged(number / 100, "info", draws.randbytes(300).hex()))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert path.read_bytes() == before
+    others = [each for each in tmp_path.iterdir() if each != path]
+    if room == 100:
+        assert others == []
+    else:
+        assert others == [recorder.path] == [tmp_path / "a-incomplete.mcap"]
+        assert any("a.mcap is the earlier record, a-incomplete.mcap" in each.what for each in told)
 
 
 def test_a_record_that_is_being_written_is_not_overwritten(tmp_path: Path) -> None:

@@ -1,0 +1,51 @@
+"""The file of `mission run --events`."""
+
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import click
+
+from missions.cli.outputs import writing
+from missions.executive.json_lines import JsonLines
+from missions.records.recording.outputs import EarlierFile, open_private
+
+
+class EventsFile:
+    """Events of a run, written to ``path`` by ``lines``, for their owner only.
+
+    An earlier file keeps its name where the new one could not be written to its end; ``path`` is another name then.
+    Raises click.BadParameter.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with writing(path, "--events"):
+            self._earlier = EarlierFile(path)
+            try:
+                self.file = open_private(path)
+            except OSError:
+                self._earlier.restore()
+                raise
+        self.lines = JsonLines(self.file)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        whole = self.lines.whole
+        try:
+            self.file.close()
+        except OSError:  # told by the stream that an event could not be written
+            whole = False
+        if whole:
+            self._earlier.remove()
+            return
+        with suppress(OSError):
+            renamed = self._earlier.restore()
+            if renamed is not None:
+                click.echo(f"mission: {self.path} is the earlier file, {renamed} the new one", err=True)
+                self.path = renamed
