@@ -121,7 +121,7 @@ class WebFeed:
             else:
                 data = response.read1(_BLOCK)
                 found += self._finder.feed(data)
-            while data and found and (size := size + len(data)) < LATE and select.select([response], [], [], 0)[0]:
+            while data and found and (size := size + len(data)) < LATE and _has_more(response):
                 data = response.read1(_BLOCK)
                 found += self._finder.feed(data)
         except _FAULTS:
@@ -169,6 +169,11 @@ class WebFeed:
         elif not kind.startswith("multipart/"):
             self.stop()
             self._film = VideoFeed(self._name, self._source)
+
+
+def _has_more(response: HTTPResponse) -> bool:
+    """Say whether more of an answer lies ready. Newer Pythons (3.13) close it, and its file, with its last byte."""
+    return not response.isclosed() and bool(select.select([response], [], [], 0)[0])
 
 
 def _peeked(response: HTTPResponse) -> bytes:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from http.client import HTTPResponse
 from pathlib import Path
 from queue import Queue
 
@@ -19,6 +20,7 @@ from drivers.api.secrets import without_secrets
 from drivers.camera import reader
 from drivers.camera.make import open_source
 from drivers.camera.threaded import ThreadedCamera
+from drivers.camera.web import WebFeed
 from drivers.clock import SystemClock
 from tests.drivers.web_cameras import MJPEG, OK, Connection, WebCamera, answer, jpeg, part
 from tests.waiting import wait_until
@@ -287,6 +289,27 @@ def test_an_mjpeg_stream_over_tcp_has_one_connection() -> None:
     with WebCamera(rpicam, asks=False) as web, watched(f"tcp://127.0.0.1:{web.port}") as camera:
         assert shown(camera, 4)[-1].image.shape == (48, 64, 3)
         assert len(web.connections) == 1
+
+
+def test_a_snapshot_is_read_where_its_last_byte_closes_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    read1 = HTTPResponse.read1
+
+    def read_and_close(response: HTTPResponse, size: int = -1) -> bytes:  # as Python 3.13 does
+        data = read1(response, size)
+        if response.length == 0:
+            response.close()
+        return data
+
+    def snapshot(connection: Connection) -> None:
+        connection.send(answer(jpeg(100)))
+
+    monkeypatch.setattr(HTTPResponse, "read1", read_and_close)
+    with WebCamera(snapshot) as web:
+        feed = WebFeed("camera", f"{web.url}/capture")
+        feed.start()
+        images = [feed.grab(lambda: True) for _ in range(2)]
+        feed.stop()
+    assert [image is not None and image.shape for image in images] == [(48, 64, 3)] * 2
 
 
 def test_a_film_over_tcp_is_for_ffmpeg_on_the_same_connection(tmp_path: Path) -> None:
