@@ -158,14 +158,13 @@ def open_port(who: str, port: str, baud: int, *, timeout: float = 0.02) -> Seria
     if leads_to_debug_connector(port):
         raise NotConnected(f"{who}: {port}: {DEBUGGING}", hint=PINS_CURE)
     refuse_other_than_serial({who: port})
+    # Before it is opened: that sets the baud rate of whoever holds it, too, and would part a robot from its program.
+    if holders := device_holders(port):
+        raise _in_use(who, port, holders)
     try:
-        opened = SerialPort(port, baud, timeout=timeout, write_timeout=0.5, exclusive=True)
+        return SerialPort(port, baud, timeout=timeout, write_timeout=0.5, exclusive=True)
     except (serial.SerialException, OSError) as error:
         raise explain(who, port, error) from error
-    if holders := device_holders(port):  # which opened it before us, not exclusively, and would take half of the bytes
-        opened.close()
-        raise _in_use(who, port, holders)
-    return opened
 
 
 class Lost(OSError):

@@ -5,6 +5,7 @@ import os
 import socket
 import subprocess
 import sys
+import termios
 from contextlib import closing
 from pathlib import Path
 
@@ -90,8 +91,10 @@ def test_a_port_that_another_program_reads_is_not_opened() -> None:
         with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as reader:
             assert reader.stdout is not None
             assert reader.stdout.readline() == "open\n"
+            settings = termios.tcgetattr(slave)
             with pytest.raises(NotConnected, match=rf"in use by .*process {reader.pid}\)") as caught:
                 ports.open_port("base", port, 115200)
+            assert termios.tcgetattr(slave) == settings  # the reader goes on at its own baud rate
             assert "fuser -v" in caught.value.hint
         ports.open_port("base", port, 115200).close()
     finally:
