@@ -34,15 +34,15 @@ LARGEST = 200
 """Pixels to which the face in a portrait is shrunk: as many as any recogniser needs."""
 
 
-def crop(image: Image | Grey, face: Box, *, roll: float = 0.0, zoom: float = 1.0) -> Grey:
-    """Return the face in the box ``face``: (SIDE, SIDE), uint8; turned by ``roll`` degrees and ``zoom`` times as large.
+def crop(image: Image | Grey, face: Box, *, roll: float = 0.0) -> Grey:
+    """Return the face in the box ``face``: (SIDE, SIDE), uint8; turned by ``roll`` degrees.
 
     Raises ValueError for what is not a picture, and for a box without pixels.
     """
     picture = _surroundings(image, face, 2 * SIDE / REACH)
     side, scale, (left, top) = face.width * picture.scale, picture.scale, picture.corner
     x, y = scale * (face.centre[0] - left), scale * (face.centre[1] - top) + LOWER * side
-    turn = np.asarray(cv2.getRotationMatrix2D((x, y), roll, zoom * SIDE / (REACH * side)), np.float64)
+    turn = np.asarray(cv2.getRotationMatrix2D((x, y), roll, SIDE / (REACH * side)), np.float64)
     turn[:, 2] += np.array([(SIDE - 1) / 2 - x, (SIDE - 1) / 2 - y])
     return cast(Grey, cv2.warpAffine(grey(picture.image), turn, (SIDE, SIDE), borderMode=cv2.BORDER_REPLICATE))
 

@@ -59,8 +59,8 @@ FEW = 3
 """Persons up from which their own looks may lower the mean and deviation of strangers below the usual."""
 
 VARIED = 0.45
-"""How far the threshold of a person is from the mean of strangers to the score of that person's own pictures. Pictures
-that are alike, as those of one room and day, score high, and so do looks at strangers in that room."""
+"""How far the threshold of a person is from the mean of strangers to the score of known pictures (half the person's
+own, half all). Pictures that are alike, as those of one room and day, score high, and so do strangers in that room."""
 
 HIGHEST = 7.0
 """Standard deviations above the mean of strangers that ``VARIED`` leads to at most."""

@@ -37,7 +37,7 @@ ASIDE = 6
 """Searches in a row for which a face that looks to one side may be carried on."""
 
 CROWD = 3
-"""Known faces from which on all but the largest are carried on by flow in every second frame only."""
+"""Known faces from which on flow carries all but the largest in every third frame only."""
 
 STEADY = 0.02
 """How far a face may have moved from one frame to the next that stays in one place, in widths of it: 0.1 m/s."""

@@ -57,9 +57,7 @@ def checkup(keys: CameraKeys, site: Site) -> Iterator[Finding]:
         cure = f"write width: {width} and height: {height}; the sizes that it can: mission camera list"
         yield warning("pictures", f"{width}x{height}, the robot file says {keys.width}x{keys.height}", cure)
     live = kind_of(keys.source) in {Kind.DEVICE, Kind.URL}
-    yield from _rate(
-        frames, device=f"/dev/video{keys.source}" if is_number(keys.source) else str(keys.source), live=live
-    )
+    yield from _rate(frames, device=device, live=live)
     yield from _exposure(frames[-1].image)
 
 
