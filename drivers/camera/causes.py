@@ -89,12 +89,14 @@ def of_page(page: str) -> Cause:
 
 def of_error(error: Exception, source: Source) -> Cause:
     """Return what an error of a connection means."""
-    parts = urlsplit(str(source))
-    host = parts.hostname or ""
     try:
-        port = parts.port or _PORTS.get(parts.scheme.lower(), 0)
+        parts = urlsplit(str(source))
+        host, port = parts.hostname or "", parts.port or _PORTS.get(parts.scheme.lower(), 0)
     except ValueError:
-        return "its port is no number from 0 to 65535", "in a password : is %3A, / is %2F, @ is %40"
+        hint = "a port is 0 to 65535; in a password : is %3A, / is %2F, @ is %40, [ is %5B"
+        return "its host or port cannot be read", hint
+    if not host:
+        return "names no host", f"{parts.scheme}://HOST/"
     if isinstance(error, ssl.SSLError):
         return _of_tls(error, host, port)
     if isinstance(error, HTTPException) and not isinstance(error, RemoteDisconnected):
