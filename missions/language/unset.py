@@ -19,6 +19,7 @@ from missions.language.outcomes import cuts
 from missions.language.outcomes import ends as ends_of
 from missions.language.plan import UNKNOWN, Hole, Step
 from missions.language.reading import may_fail, never_zero, surely_read
+from missions.language.unset_ways import NONE, After, Event, Unset, Way, either, with_event
 from missions.language.values import Value
 
 CONDITIONS = frozenset({*SWITCHES, *(word for word, kind in MODIFIERS.items() if kind.value == "condition")})
@@ -26,39 +27,6 @@ CONDITIONS = frozenset({*SWITCHES, *(word for word, kind in MODIFIERS.items() if
 
 MAX_READINGS = 100
 """Readings whose ways are followed: ``config.faults.MAX_FAULTS``, since no more than those are reported."""
-
-
-class Event(NamedTuple):
-    """The last event of a way, after those ``before``; ``length`` counts them all."""
-
-    text: str
-    before: "Way"
-    length: int
-
-
-Way = Event | None
-"""What has to happen, in order, for a variable to be unset at some place; None where that is so at first."""
-
-
-class Unset(NamedTuple):
-    """The variables that may be unset at some place: a bit for each in ``bits``, and the shortest ``ways`` of some.
-
-    Every step has such a value. A mapping of all variables to their ways would take time that is quadratic in the
-    number of steps, and so would sets.
-    """
-
-    bits: int
-    ways: Mapping[str, Way]
-
-
-NONE = Unset(0, {})
-
-
-class After(NamedTuple):
-    """What may be unset after each end of a step; None for an end that it cannot come to."""
-
-    success: Unset | None
-    failure: Unset | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +139,7 @@ class _Ways:
         if step.leaf in (Log, Set, Succeed) and not self._may_fail(step, unset, here):
             ends.discard(FAILURE)
         return After(
-            known if SUCCESS in ends else None, _by(f"{_shown(step)} fails", unset) if FAILURE in ends else None
+            known if SUCCESS in ends else None, with_event(f"{_shown(step)} fails", unset) if FAILURE in ends else None
         )
 
     def _may_fail(self, step: Step, unset: Unset, here: Here) -> bool:
@@ -193,7 +161,7 @@ class _Ways:
         kept = step.own_names.difference(lost if step.keep_as is None else [step.keep_as] if lost else [])
         return After(
             None if after.success is None else self._without(step.own_names, unset),
-            None if after.failure is None else _by(f"{_shown(step)} fails", self._without(kept, unset)),
+            None if after.failure is None else with_event(f"{_shown(step)} fails", self._without(kept, unset)),
         )
 
     # --- composites -----------------------------------------------------------------------------------------------
@@ -210,7 +178,7 @@ class _Ways:
             stops.append(stopped)
             if stopped is not None and _asks_variables(child):
                 here = replace(here, guarded=True)  # what goes on has been asked for
-        return After(now, _either(stops)) if passes == SUCCESS else After(_either(stops), now)
+        return After(now, either(stops)) if passes == SUCCESS else After(either(stops), now)
 
     def at_once(self, step: Step, unset: Unset, here: Here, *, all_succeed: bool) -> After:
         """Follow children that run at once, or in any order; ``all_succeed`` where a success needs all of them."""
@@ -225,10 +193,10 @@ class _Ways:
             found.append(self.after(child, unset, inner))
         if step.kind == "race":
             found = [
-                After(_by(f"{_shown(child)} ends first", after.success), after.failure)
+                After(with_event(f"{_shown(child)} ends first", after.success), after.failure)
                 for child, after in zip(step.children, found, strict=True)
             ]
-        success = _either(after.success for after in found)
+        success = either(after.success for after in found)
         if all_succeed and not step.arguments and success is not None:
             still = success.bits
             for each in found:
@@ -238,29 +206,30 @@ class _Ways:
             enough = Event(f"{_shown(step)} succeeds without it", None, 1)
             ways = {name: way or (enough if name in step.names else way) for name, way in success.ways.items()}
             success = Unset(success.bits, ways)
-        return After(success, _either(after.failure for after in found))
+        return After(success, either(after.failure for after in found))
 
     def one_of(self, step: Step, unset: Unset, here: Here) -> After:
         """Follow a switch."""
         here = replace(here, guarded=here.guarded or _asks_variables(step))
         cases = [f"{_shown(step)} takes the case '{_case(case)}'" for case in step.cases]
         found = [
-            After(_by(case, child.success), _by(case, child.failure))
+            After(with_event(case, child.success), with_event(case, child.failure))
             for case, child in zip(
                 [*cases, f"{_shown(step)} takes the default"],
                 (self.after(child, unset, here) for child in step.children),
                 strict=False,
             )
         ]
-        none = [] if len(step.children) > len(step.cases) else [_by(f"{_shown(step)} has no case for it", unset)]
-        return After(_either(each.success for each in found), _either([*(each.failure for each in found), *none]))
+        none = [] if len(step.children) > len(step.cases) else [with_event(f"{_shown(step)} has no case for it", unset)]
+        return After(either(each.success for each in found), either([*(each.failure for each in found), *none]))
 
     def for_each(self, step: Step, unset: Unset, here: Here) -> After:
         """Follow one round of a for_each, and the way around it where its list may be empty."""
         after = self.after(step.children[0], self._without(step.binds, unset), here)
         among = step.arguments["in"].constant
-        empty = None if isinstance(among, Members) and among.count else _by(f"{_shown(step)} has no member", unset)
-        return After(_either((after.success, empty)), after.failure)
+        has_member = isinstance(among, Members) and among.count
+        empty = None if has_member else with_event(f"{_shown(step)} has no member", unset)
+        return After(either((after.success, empty)), after.failure)
 
     # --- modifiers ------------------------------------------------------------------------------------------------
 
@@ -274,19 +243,19 @@ class _Ways:
         value = step.arguments["value"]
         known = value.template is None
         if step.kind == "if" and known and not value.constant:
-            return After(_by(_cut(step), unset), None)
+            return After(with_event(_cut(step), unset), None)
         after = self.after(step.children[0], unset, replace(here, guarded=guarded, caught=caught))
         endless = known and value.constant is None
         ways = [
             (None if endless and kind.without_limit(end) else each, onward)
             for end, onward, each in ((SUCCESS, kind.success, after.success), (FAILURE, kind.failure, after.failure))
         ]
-        cut = _by(_cut(step), unset) if kind.cut_when else after.success
+        cut = with_event(_cut(step), unset) if kind.cut_when else after.success
         always = kind.value == "condition" and known and bool(value.constant) == (step.kind != "until")
         cut_to = frozenset[str]() if always else cuts(step)
         return After(
             *(
-                _either([*(each for each, onward in ways if end in onward), *([cut] if end in cut_to else ())])
+                either([*(each for each, onward in ways if end in onward), *([cut] if end in cut_to else ())])
                 for end in (SUCCESS, FAILURE)
             )
         )
@@ -306,32 +275,6 @@ def catches(step: Step, child: Step) -> bool:
     if kind.passes == FAILURE:
         return kind.order != "in order" or child is not step.children[-1]
     return step.kind == "parallel" and bool(step.arguments)
-
-
-def _by(event: str, unset: Unset | None) -> Unset | None:
-    """Return what is unset, once ``event`` has happened besides."""
-    if unset is None or not unset.ways:
-        return unset
-    ways = {name: Event(event, way, 1 if way is None else way.length + 1) for name, way in unset.ways.items()}
-    return Unset(unset.bits, ways)
-
-
-def _either(ways: Iterable[Unset | None]) -> Unset | None:
-    """Return what may be unset by one of these ways, each variable by the shortest; None where there is no way."""
-    bits: int | None = None
-    found: dict[str, Way] = {}
-    for unset in ways:
-        if unset is None:
-            continue
-        bits = unset.bits if bits is None else bits | unset.bits
-        for name, way in unset.ways.items():
-            if name not in found or _length(way) < _length(found[name]):
-                found[name] = way
-    return None if bits is None else Unset(bits, found)
-
-
-def _length(way: Way) -> int:
-    return 0 if way is None else way.length
 
 
 def _shown(step: Step) -> str:
