@@ -23,11 +23,12 @@ from missions.cli.keys import Keys, interruptible
 from missions.cli.leash import heeded
 from missions.cli.names import ROBOT, WORLD
 from missions.cli.origin import robot_file
+from missions.cli.outputs import check_writable
 from missions.cli.root import SUCCESS
 from missions.cli.status_line import show_over
 from missions.cli.terminal_line import line_to
 from missions.hands.teleop import FIRST_PAD, keymap, pad
-from missions.hands.teleop.pad_store import keep_taught
+from missions.hands.teleop.pad_store import keep_taught, load_taught, pads_file
 from missions.hands.teleop.pilot import MAX_SHARE, MIN_SHARE, Pilot
 from missions.hands.teleop.teaching import Teacher
 from missions.hands.teleop.turns import drive_by_hand
@@ -146,6 +147,9 @@ def _teach(node: str, clock: Clock) -> int:
             cure = f"mission teleop --teach-pad {found[0]}  (or {', '.join(found[1:])})"
             raise click.UsageError(f"--teach-pad: several game pads are plugged in\n  try: {cure}")
         node = pad.find_pad()
+    load_taught()  # before a person presses anything: with a damaged file, nothing of it could be kept
+    pads_file().parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    check_writable(pads_file(), "--teach-pad")
     with ExitStack() as open_things:
         open_things.enter_context(interruptible())
         raw = open_things.enter_context(closing(pad.Pad(node, clock)))

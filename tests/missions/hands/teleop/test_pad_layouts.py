@@ -4,6 +4,7 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from errno import ENOSPC
 from pathlib import Path
 from random import Random
 
@@ -430,6 +431,30 @@ def test_the_command_does_not_guess_which_of_two_pads_is_meant(
     told = command(capsys, "teleop", "--teach-pad", str(node))
     assert "the kernel does not tell which pad it is" in told.err
     assert not pad_store.pads_file().exists()
+
+
+@pytest.mark.parametrize(("content", "words"), [("{", "cannot be used"), ("{}", "No space left")])
+def test_nothing_is_asked_where_the_answers_could_not_be_kept(
+    at_home: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    content: str,
+    words: str,
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(ENOSPC, "No space left on device")
+
+    file = pad_store.pads_file()
+    file.parent.mkdir(parents=True)
+    file.write_text(content)
+    monkeypatch.setattr("missions.cli.outputs.os.fsync", full)
+    monkeypatch.setattr(pad, "ask_model", lambda _: pytest.fail("the pad was opened"))
+    node = at_home / "event7"
+    node.write_bytes(b"")
+    told = command(capsys, "teleop", "--teach-pad", str(node))
+    assert told.code != 0
+    assert str(file) in told.err
+    assert words in told.err
 
 
 def test_an_error_of_teaching_is_one_of_a_device() -> None:
