@@ -110,9 +110,9 @@ def is_file(path: Path) -> bool:
 
 
 def _meant(kind: str, folder: Path, name: str) -> str:
-    """Say which file is meant by a name that leads to none: one with another ending."""
+    """Say which file is meant by a name that leads to none: one with another ending, or in the folder of its kind."""
     bare = name.removesuffix(".yaml").removesuffix(".yml")
-    for there in [bare + suffix for suffix in SUFFIXES if Path(bare).name]:
+    for there in [f"{inside}{bare}{suffix}" for inside in ("", f"{kind}/") for suffix in SUFFIXES if Path(bare).name]:
         if is_file(folder / there):
             return wrong_kind(kind, folder / there) or f"did you mean the file '{there}'?"
     return ""

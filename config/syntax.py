@@ -61,10 +61,9 @@ def syntax_fault(source: Source, error: yaml.YAMLError) -> Diagnostic:
     if found is not None:
         return found
     if problem == "could not find expected ':'" and (begin := _mark(error.context_mark)) is not None:
-        text = source.line(begin.line)[begin.column - 1 :].strip()
-        word, _, rest = text.partition(" ")
-        if re.match(r"-\w", text):
-            return Diagnostic(source, begin, "a dash without a space after it", f"write '- {text[1:]}'")
+        if (dash := _dash_without_space(source, begin.line)) is not None:
+            return dash
+        word, _, rest = source.line(begin.line)[begin.column - 1 :].strip().partition(" ")
         return Diagnostic(
             source, replace(begin, length=len(word)), f"'{word}' lacks a colon", f"write '{word}: {rest}'"
         )
@@ -74,6 +73,8 @@ def syntax_fault(source: Source, error: yaml.YAMLError) -> Diagnostic:
         return Diagnostic(source, quote, _SLIPS["while scanning a quoted scalar"][0])
     if context in _IN_COLUMNS and (under_dash := _under_dash(source, mark.line)) is not None:
         return under_dash
+    if context in _IN_COLUMNS and (dash := _dash_without_space(source, mark.line)) is not None:
+        return dash
     if context in _SLIPS:
         message, suggestion = _SLIPS[context]
         begin = _mark(error.context_mark) if context.startswith(_BEGIN_THERE) else None
@@ -182,6 +183,23 @@ def _open_hole(line: str) -> re.Match[str] | None:
         if before.count('"') % 2 == 0 and before.count("'") % 2 == 0 and re.search(r"(?:^|[\s:,\[{-])[\[{]", before):
             return hole
     return None
+
+
+def _dash_without_space(source: Source, number: int) -> Diagnostic | None:
+    """Find the first of the lines in one column, down to this one, that begins with a dash and a letter: ``-nod``."""
+    line = source.line(number)
+    column, found = len(line) - len(line.lstrip()), None
+    while number > 0 and (not line.strip() or len(line) - len(line.lstrip()) == column):
+        if re.match(r"\s*-[^\W\d]", line) is not None:
+            found = Diagnostic(
+                source,
+                Mark(number, column + 1),
+                "a dash without a space after it",
+                f"write '- {line.strip()[1:]}'",
+            )
+        number -= 1
+        line = source.line(number)
+    return found
 
 
 def _bare_word_above(source: Source, number: int) -> tuple[str, Mark] | None:

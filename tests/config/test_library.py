@@ -60,8 +60,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name, text in {
         "ask.yaml": "mission: ask\ntree: succeed\n",
         "home.yaml": "# mine\nworld: home\nroom: {}\n",
+        "gestures/nicken.yaml": "gesture: nicken\n",
         "ask.test.yaml": "tests: ask\ncases: []\n",
     }.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text, encoding="utf-8")
     (tmp_path / "ask.mcap").write_bytes(b"\x89MCAP0\r\n")
     return tmp_path
@@ -88,6 +90,7 @@ def said_of(kind: str, name: str, *, library: dict[str, Path] | None = None, bes
         ("missions", "gone.mcap", "'gone.mcap': no such file"),
         ("missions", "trol", "unknown mission 'trol'; did you mean one of patrol, patrol_two?"),
         ("missions", "ander", "unknown mission 'ander'; did you mean 'wander'?"),
+        ("gestures", "nicken", "unknown gesture 'nicken'; did you mean the file 'gestures/nicken.yaml'?"),
         ("missions", "aks", "unknown mission 'aks'; did you mean the file 'ask.yaml'?"),
         ("worlds", "hoem", "unknown world 'hoem'; did you mean the file 'home.yaml'?"),
         ("missions", "xyzzy", "unknown mission 'xyzzy'; `mission list missions` has all"),
