@@ -16,6 +16,7 @@ from missions.language.claims import impossible
 from missions.language.guards import actions_as_guards, guards_kept
 from missions.language.phrases import confusions
 from missions.library.shipped import TESTS, shipped_missions
+from missions.library.things import THINGS
 
 
 @click.command(epilog="Example: mission check greet patrol")
@@ -74,7 +75,7 @@ def _checked(
     other = "" if able == robots[0] else f", for robot '{able.stem}'"
     robot = target(able)
     said = f"{name}: good ({plan.mission}, {count} node{'s' if count > 1 else ''}{other})"
-    hints = [*actions_as_guards(plan.tree), *guards_kept(plan.tree), *impossible(plan.tree, robot)]
+    hints = [*actions_as_guards(plan.tree), *guards_kept(plan.tree), *impossible(plan.tree, robot, THINGS)]
     return said, [], [*hints, *confusions(plan.tree, robot)]
 
 

@@ -14,7 +14,7 @@ from config.library import shipped
 from config.units import article
 from drivers.api.kinds import KINDS
 from missions.language.nodes import AT_ONCE, COMPOSITES, MODIFIERS
-from missions.language.notes import Notes
+from missions.language.notes import Lookup, Notes
 from missions.language.plan import Step
 from missions.language.values import Value
 
@@ -101,18 +101,19 @@ def check_reach(notes: Notes, tree: Step, robot: Target) -> None:
     excused = set(map(id, _begun_with_others_left(tree)))
     for step in tree.walk():
         if id(step) not in excused and (misfits := _misfits(step, robot.reaches)):
-            notes.fault_at(step, _cannot(step, robot, misfits), _possible_gestures(notes, step, robot))
+            notes.fault_at(step, _cannot(step, robot, misfits), _possible_gestures(step, robot, notes.things))
 
 
-def impossible(tree: Step, robot: Target) -> list[Diagnostic]:
+def impossible(tree: Step, robot: Target, things: Mapping[str, Lookup]) -> list[Diagnostic]:
     """Return a hint for each alternative of a selector that fails on this robot, which lacks the part or the joints."""
-    return [
-        Diagnostic(
-            step.source, step.mark, _cannot(step, robot, why), "the next alternative of the selector is tried then"
-        )
-        for step in _begun_with_others_left(tree)
-        if (why := _missing(step, robot) or _misfits(step, robot.reaches))
-    ]
+    hints = []
+    for step in _begun_with_others_left(tree):
+        missing = _missing(step, robot)
+        if why := missing or _misfits(step, robot.reaches):
+            able = "" if missing else _possible_gestures(step, robot, things)
+            told = "the next alternative of the selector is tried then" + (f"; {able}" if able else "")
+            hints.append(Diagnostic(step.source, step.mark, _cannot(step, robot, why), told))
+    return hints
 
 
 def _begun_with_others_left(tree: Step) -> Iterator[Step]:
@@ -143,16 +144,16 @@ def _cannot(step: Step, robot: Target, why: Sequence[str]) -> str:
     return f"'{step.kind}' cannot be done by robot '{robot.name}': {'; '.join(why)}"
 
 
-def _possible_gestures(notes: Notes, step: Step, robot: Target) -> str:
+def _possible_gestures(step: Step, robot: Target, things: Mapping[str, Lookup]) -> str:
     """Name the gestures that the robot can do instead of a step that plays one; nothing for any other step."""
     declared = {} if step.leaf is None else step.leaf.arguments
     played = next((name for name, each in declared.items() if each.kind in ("gesture", "move")), "")
-    if not played or "gesture" not in notes.things:
+    if not played or "gesture" not in things:
         return ""
     able = []
     for name in {**own_files("gestures"), **shipped("gestures")}:
         try:
-            instead = Value(notes.things["gesture"](name))
+            instead = Value(things["gesture"](name))
         except LookupError:  # one with mistakes, which `mission list gestures` tells
             continue
         other = replace(step, arguments={**step.arguments, played: instead})

@@ -250,8 +250,10 @@ def test_an_alternative_that_the_robot_cannot_do_is_a_hint_where_another_follows
     target = target_of(load_robot(shipped("robots")[robot]))
     source = Source("m.yaml", f"mission: m\ntree:\n  selector: [{{sequence: [{first}]}}, nod]\n")
     plan = check_plan(source, LEAVES, THINGS, robot=target)
-    (hint,) = impossible(plan.tree, target)
+    (hint,) = impossible(plan.tree, target, THINGS)
     assert hint.message.startswith(f"'gesture' cannot be done by robot '{robot}'")
+    able = {"humanoid": "; it can do: gait, get_up_front, wave", "pi_car": ""}[robot]
+    assert hint.suggestion == f"the next alternative of the selector is tried then{able}"
 
 
 @pytest.mark.parametrize(
