@@ -3,6 +3,7 @@
 A file says by its keys what it is, a mission, a world, a robot; so people are told what to type for it.
 """
 
+import os
 import re
 from collections.abc import Collection, Mapping
 from contextlib import suppress
@@ -63,7 +64,8 @@ def find(kind: str, name: str, *, library: dict[str, Path] | None = None, folder
             raise UnknownNameError(wrong)
     hint = _hint(kind, folder, name, known)
     if path.suffix in (*SUFFIXES, ".mcap"):
-        raise UnknownNameError(f"{seen(str(path))}: no such file" + (f"; {hint}" if hint else ""))
+        wrong = "not a regular file" if os.path.lexists(path) else "no such file"
+        raise UnknownNameError(f"{seen(str(path))}: {wrong}" + (f"; {hint}" if hint else ""))
     missing = "".join(f"; {each}" for each in _missing(kind) if each)
     raise UnknownNameError(f"unknown {kind.removesuffix('s')} {seen(name)}; {hint or _all(kind, known)}{missing}")
 

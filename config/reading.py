@@ -4,6 +4,7 @@ What is read lies deep inside of what asks for it: a mission names a mission tha
 nobody hands a list down; who wants to know listens around the whole, in its own thread and task.
 """
 
+import json
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -11,7 +12,7 @@ from contextvars import ContextVar
 from errno import EFBIG, EINVAL
 from pathlib import Path
 from stat import S_ISDIR, S_ISREG
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 _READ: ContextVar[dict[Path, bytes] | None] = ContextVar("read", default=None)
 
@@ -54,6 +55,22 @@ def read_regular(path: Path, most: int) -> bytes:
 def read_regular_text(path: Path, most: int = 1_000_000) -> str:
     """Return the text of a small regular file. Raises OSError, as ``open_regular`` does, and UnicodeDecodeError."""
     return read_regular(path, most).decode("utf-8")
+
+
+def parse_json(text: str | bytes) -> Any:
+    """Return the value of a JSON text. Raises ValueError, also for brackets that are nested too deep."""
+    try:
+        return json.loads(text)
+    except RecursionError as error:
+        raise ValueError("nested too deep") from error
+
+
+def parse_object(text: str | bytes) -> dict[str, Any]:
+    """Return the members of a JSON object. Raises ValueError, also for any other value."""
+    found = parse_json(text)
+    if not isinstance(found, dict):
+        raise ValueError(f"not an object but a {type(found).__name__}")
+    return found
 
 
 def regular(path: str, flags: int) -> int:

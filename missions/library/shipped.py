@@ -11,7 +11,7 @@ from missions.language.claims import Target
 from missions.language.document import load_plan
 from missions.language.plan import Plan
 from missions.library.things import THINGS
-from missions.library.vocabulary import found_beside
+from missions.library.vocabulary import found_beside, real_path
 
 HERE = Path(__file__).parents[1]
 
@@ -52,8 +52,8 @@ def behaviour_files(name: str, given: Iterable[Path] = ()) -> list[Path]:
     Raises UnknownNameError.
     """
     files = list(given)
-    known = {path.resolve() for path in files}
-    return files + [path for path in found_beside(find_mission(name)) if path.resolve() not in known]
+    known = {*map(real_path, files)}
+    return files + [path for path in found_beside(find_mission(name)) if real_path(path) not in known]
 
 
 def load_mission(

@@ -7,6 +7,7 @@ declare a ``word``, and plain behaviours of py_trees.
 
 import ast
 import inspect
+import os
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -84,6 +85,11 @@ def found_beside(mission: Path) -> list[Path]:
     return [path for path in sorted(folder.glob("*.py")) if not path.name.startswith("_")]
 
 
+def real_path(path: Path) -> str:
+    """Return where a path leads, also for a link that leads to itself, of which ``Path.resolve`` raises."""
+    return os.path.realpath(path)
+
+
 def vocabulary(files: Iterable[Path] = (), given: Iterable[Path] | None = None) -> Mapping[str, type[Leaf]]:
     """Return every leaf by its word.
 
@@ -93,11 +99,11 @@ def vocabulary(files: Iterable[Path] = (), given: Iterable[Path] | None = None) 
     """
     own, faults = dict[str, type[Leaf]](), list[Diagnostic]()
     leaves = Catalogue(PLACES, own)
-    files = {path.resolve(): path for path in files}
-    needed = files.keys() if given is None else {path.resolve() for path in given}
+    by_path = {real_path(path): path for path in files}
+    needed = by_path.keys() if given is None else {*map(real_path, given)}
     for read, is_needed in [
         *((partial(_from_entry_point, point), False) for point in offered(GROUP)),
-        *((partial(_from_file, path), where in needed) for where, path in files.items()),
+        *((partial(_from_file, path), where in needed) for where, path in by_path.items()),
     ]:
         wrong = list[Diagnostic]()
         try:

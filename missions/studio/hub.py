@@ -1,7 +1,6 @@
 """The runs of this machine, as the studio knows them: found by their control sockets, and stopped through them."""
 
 import asyncio
-import json
 from collections.abc import Awaitable, Callable, Container, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -9,6 +8,7 @@ from itertools import chain, count
 from math import inf
 from typing import Any, Self
 
+from config.reading import parse_object
 from drivers.clock import Clock, SystemClock
 from missions.studio.form import BadMessage
 from missions.studio.link import Link, OnLine
@@ -272,7 +272,7 @@ class Hub:
     async def _heard(self, link: Link, line: bytes) -> None:
         """A run tells of itself: it was stopped, or released."""
         if line.startswith(b'{"say":"run"'):
-            link.about = json.loads(line)
+            link.about = parse_object(line)
             self._changed()
 
     async def _attend(self, run: str, link: Link) -> None:

@@ -5,7 +5,6 @@ folder in which it was started: no command leads elsewhere.
 """
 
 import hashlib
-import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -14,7 +13,7 @@ from pathlib import Path
 from config.defaults import own_files, unreadable_folders
 from config.faults import InvalidFileError
 from config.library import BEGINNING, SHEETS, SUFFIXES, UnknownNameError, find, kinds_of, shipped
-from config.reading import open_regular, read_regular_text
+from config.reading import open_regular, parse_object, read_regular_text
 from config.world import load_world
 from drivers.clock import Clock, SystemClock, time_of_day
 from missions.library.drivers import load_robot
@@ -282,11 +281,10 @@ def _people() -> list[str]:
 def _checkup() -> Json | None:
     """Return what `mission doctor` found last; None where it was not asked yet."""
     try:
-        found = json.loads(read_regular_text(checkup_file()))
+        return parse_object(read_regular_text(checkup_file()))
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:
         what = f"cannot be read: {error}"
         ailing = {"part": "check-up", "about": "its file", "what": what, "verdict": "fault", "cure": "mission doctor"}
         return {"at": time_of_day().isoformat(timespec="seconds"), "robot": "", "ailing": [ailing]}
-    return found if isinstance(found, dict) else None

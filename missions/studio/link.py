@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 from typing import Any, Self
 
+from config.reading import parse_object
 from missions.studio import sockets
 from missions.studio.processes import ProcessIdentity, identity_of
 from missions.studio.searching import Found, addresses_of
@@ -62,7 +63,7 @@ class Link:
         try:
             link.where, link.identity = where, identity_of(link.process)
             async with asyncio.timeout(PATIENCE):
-                link.about = json.loads(await reader.readline() or b"{}")
+                link.about = parse_object(await reader.readline() or b"{}")
         except BaseException:
             writer.close()
             raise
@@ -165,7 +166,7 @@ class Link:
         try:
             while line := await self._reader.readline():
                 if self._asked and line.startswith(b'{"say":"answer","id":-'):
-                    answer = json.loads(line)
+                    answer = parse_object(line)
                     future = self._asked.get(answer["id"])
                     if future is not None and not future.done():
                         future.set_result(answer)

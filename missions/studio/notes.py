@@ -17,6 +17,7 @@ from pathlib import Path
 from threading import Event
 from typing import IO, Any
 
+from config.reading import parse_object
 from drivers.api.quick import dataclass
 from drivers.clock import SystemClock
 from missions.studio import sockets
@@ -199,10 +200,10 @@ def read_note(path: Path) -> Holder | None:
             if not stat.S_ISREG(status.st_mode):
                 raise OSError(f"{path} is not a regular file")
             line, uid, locked = note.readline(LARGEST), status.st_uid, _is_locked(note)
-        found, computer = _holder(json.loads(line), path, uid)
+        found, computer = _holder(parse_object(line), path, uid)
     except FileNotFoundError:
         return None
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
         if locked or sockets.is_there(_process_in(path)):
             raise OSError(f"{path} cannot be understood ({type(error).__name__})") from error
         _remove(path)
@@ -220,7 +221,7 @@ def read_note(path: Path) -> Holder | None:
 
 
 def _holder(told: Mapping[str, Any], path: Path, uid: int) -> tuple[Holder, str]:
-    """Return what a note tells, and of which computer it is. Raises ValueError, KeyError, TypeError."""
+    """Return what a note tells, and of which computer it is. Raises ValueError, KeyError, TypeError, OverflowError."""
     process, identity = _process_in(path), None
     if "process" in told:
         pid, start, boot, namespace = told["process"]

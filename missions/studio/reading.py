@@ -1,12 +1,11 @@
 """Every command by its word, and how one is read."""
 
-import json
 import re
 from collections.abc import Mapping
 from itertools import islice
-from typing import Any
 
 from config.faults import did_you_mean
+from config.reading import parse_json
 from missions.studio.commands import (
     KEY,
     LARGEST,
@@ -82,8 +81,8 @@ def id_in(message: str | bytes) -> int | None:
     """Return the id of a command that is refused, however malformed it is otherwise; None where it has none."""
     text = message if isinstance(message, str) else message.decode("utf-8", "replace")
     try:
-        data: Any = json.loads(text)
-    except (ValueError, RecursionError):
+        data = parse_json(text)
+    except ValueError:
         found = _id_in_malformed(text)
     else:
         found = data.get("id") if isinstance(data, dict) else None
@@ -109,8 +108,8 @@ def read_command(line: str | bytes, *, words: Mapping[str, type[Command]] = COMM
     if len(line) > LARGEST:
         raise BadMessage("too_large", f"a command has at most {LARGEST} bytes, this one {len(line)}")
     try:
-        data: Any = json.loads(line)
-    except (ValueError, RecursionError) as error:
+        data = parse_json(line)
+    except ValueError as error:
         raise BadMessage("no_json", f"it is no JSON: {error}"[:200]) from error
     if not isinstance(data, dict):
         raise BadMessage("no_json", 'a command is an object, such as {"do": "stop", "id": 1}')

@@ -15,6 +15,7 @@ from pathlib import Path
 from threading import Event, Lock
 from typing import Any, Self
 
+from config.reading import parse_object
 from drivers.api.quick import dataclass
 from drivers.clock import Clock, SystemClock
 from missions.studio.places import places
@@ -234,15 +235,14 @@ class RunLink:
         raise TimeoutError("it does not answer")
 
     def hear(self) -> Mapping[str, Any]:
-        """Return the next message. Raises OSError."""
+        """Return the next message. Raises OSError, ValueError."""
         while b"\n" not in self._heard:
             data = self.connection.recv(1 << 16)
             if not data or len(self._heard) > LARGEST:
                 raise ConnectionError("the run has gone")
             self._heard += data
         line, _, self._heard = self._heard.partition(b"\n")
-        found: Mapping[str, Any] = json.loads(line)
-        return found
+        return parse_object(line)
 
     def last_stop(self) -> int:
         """Return the number of the last stop of the run. Raises OSError."""

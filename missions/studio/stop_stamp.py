@@ -11,7 +11,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from config.reading import read_regular_text
+from config.reading import parse_object, read_regular_text
 from missions.studio.places import Place, places
 from missions.studio.processes import ProcessIdentity, here
 from missions.studio.slow_folders import all_within
@@ -72,9 +72,10 @@ def _write(place: Place, text: str) -> None:
 def _read(place: Place) -> tuple[str, int | None]:
     """Return the boot and the clock tick of the stamp in a folder; None for the tick if there is none."""
     try:
-        told = json.loads(read_regular_text(place.folder / NAME))
+        told = parse_object(read_regular_text(place.folder / NAME))
         return str(told["boot"]), int(told["ticks"])
-    except (OSError, ValueError, KeyError, TypeError):  # a command needs a folder that it can read for its own note
+    except (OSError, ValueError, KeyError, TypeError, OverflowError):
+        # A command needs a folder that it can read for its own note.
         return "", None
 
 

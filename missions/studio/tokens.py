@@ -6,7 +6,7 @@ import secrets
 from contextlib import suppress
 from pathlib import Path
 
-from config.reading import read_regular_text
+from config.reading import parse_object, read_regular_text
 from missions.library.folders import state_folder
 
 NAMES = ("operator", "viewer")
@@ -23,7 +23,7 @@ def kept_tokens(path: Path | None = None) -> tuple[str, str]:
     """Return the operator's and the viewer's token of last time, or new ones that are kept now. Raises OSError."""
     path = kept_in() if path is None else path
     with suppress(FileNotFoundError, ValueError, TypeError, KeyError):
-        found = json.loads(read_regular_text(path))
+        found = parse_object(read_regular_text(path))
         operator, viewer = (str(found[name]) for name in NAMES)
         if min(len(operator), len(viewer)) >= SHORTEST and path.stat().st_mode & 0o077 == 0:
             return operator, viewer

@@ -1,11 +1,11 @@
 """One connection to a run for all clients of the studio who watch it: the run tells each thing once."""
 
 import asyncio
-import json
 import re
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 
+from config.reading import parse_object
 from drivers.clock import Clock, SystemClock
 from missions.studio.audience import NOTHING, Waiting
 from missions.studio.commands import Watch
@@ -144,12 +144,12 @@ class Watching:
             if not [each for each in self._hearers if self._offer(each, *self._picture)]:
                 self._acknowledge(self._picture[0])
         elif line.startswith(b'{"say":"state"'):
-            state = json.loads(line)
+            state = parse_object(line)
             self._line = state, line
             for each in self._hearers:
                 each.news(state)
         elif line.startswith(b'{"say":"events"'):
-            told = json.loads(line)
+            told = parse_object(line)
             for each in self._hearers:
                 each.events(told["events"], told.get("lost", 0))
         elif line.startswith(b'{"say":"scene"') and self._next is not None:

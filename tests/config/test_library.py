@@ -1,5 +1,6 @@
 """The library: files by name, or by path."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,16 @@ def test_an_unknown_name_says_what_there_is(name: str, message: str) -> None:
     with pytest.raises(UnknownNameError) as caught:
         find("gestures", name, library=library)
     assert caught.value.args[0] == message
+
+
+def test_a_path_that_leads_to_no_regular_file_is_not_called_missing(folder: Path) -> None:
+    os.mkfifo(folder / "pipe.yaml")
+    (folder / "folder.yaml").mkdir()
+    (folder / "loop.yaml").symlink_to("loop.yaml")
+    (folder / "device.yaml").symlink_to("/dev/zero")
+    for name in ("pipe.yaml", "folder.yaml", "loop.yaml", "device.yaml"):
+        with pytest.raises(UnknownNameError, match=rf"^'{name}': not a regular file$"):
+            find("gestures", name, library={})
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 from config.faults import InvalidFileError
 from config.library import kinds_of
 from config.marked import read_source
-from config.reading import read_regular
+from config.reading import parse_object, read_regular
 
 
 def test_pipes_devices_and_sockets_are_refused_without_waiting(tmp_path: Path) -> None:
@@ -36,3 +36,9 @@ def test_no_more_of_a_file_is_read_than_is_wanted(tmp_path: Path) -> None:
 def test_a_folder_is_told_as_the_system_tells_it(tmp_path: Path) -> None:
     with pytest.raises(IsADirectoryError):
         read_regular(tmp_path, 1)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "null", "[" * 100_000, '{"a":' * 100_000, b"\xff", "9" * 5000])
+def test_every_text_that_is_not_a_json_object_is_a_value_error(text: str | bytes) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        parse_object(text)

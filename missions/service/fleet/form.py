@@ -11,6 +11,8 @@ from functools import cache
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
+from config.reading import parse_json
+
 MAX_BYTES, MAX_ANSWER = 64 * 1024, 1024 * 1024
 """Bytes of a message, and of an answer, at most."""
 
@@ -44,8 +46,8 @@ def parse(data: bytes, most: int = MAX_BYTES) -> Any:
     if len(data) > most:
         raise BadMessageError(f"{len(data)} bytes; at most {most} are read")
     try:
-        return json.loads(data)
-    except (ValueError, RecursionError) as error:
+        return parse_json(data)
+    except ValueError as error:
         raise BadMessageError(f"no JSON: {str(error)[:80]}") from error
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
 
-from config.reading import read_regular_text
+from config.reading import parse_object, read_regular_text
 from config.saving import sync_folder
 
 FILE = "fleet_stop.json"
@@ -22,11 +22,11 @@ class FleetLatch:
     def load(self) -> None:
         """Take up what was kept. A file that cannot be read counts as a stop: a person is to look."""
         try:
-            told = json.loads(read_regular_text(self._path))
+            told = parse_object(read_regular_text(self._path))
             self.by, self.number = str(told["by"]), int(told["number"])
         except FileNotFoundError:
             return
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
             self.by = f"nobody known: {self._path} cannot be read ({type(error).__name__})"
 
     @property

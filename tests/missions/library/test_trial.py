@@ -71,6 +71,15 @@ def test_a_file_beside_a_mission_is_named_and_skipped(
 
 
 @pytest.mark.usefixtures("folder")
+def test_a_link_to_itself_beside_a_mission_is_named_and_skipped(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("behaviours/bad.py").symlink_to("bad.py")
+    Path("m.yaml").write_text("mission: m\ntree:\n  hop\n")
+    checked = command(capsys, "check", "m.yaml")
+    assert (checked.code, checked.out) == (0, "m.yaml: good (m, 1 node)\n")
+    assert "behaviours/bad.py:1:1: cannot be read: Too many levels of symbolic links" in checked.err
+
+
+@pytest.mark.usefixtures("folder")
 def test_a_mission_that_needs_what_was_skipped_says_so(capsys: pytest.CaptureFixture[str]) -> None:
     Path("behaviours/bad.py").write_text("raise KeyboardInterrupt\n")
     Path("m.yaml").write_text("mission: m\ntree:\n  wobble\n")

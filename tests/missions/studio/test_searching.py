@@ -159,7 +159,9 @@ def test_a_note_of_another_computer_that_shares_the_home_is_left_alone(capsys: p
     assert note_of(run.pid).exists()
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"name": 1}', "null"])
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", '{"name": 1}', "null", "[" * 50_000, '{"a":' * 10_000, '{"process": [1e999, 1, "", 1]}']
+)
 def test_a_note_that_cannot_be_understood_is_a_doubt_while_its_process_lives(
     text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -361,6 +363,29 @@ def test_two_runs_of_one_name_that_are_not_reached_are_both_told(monkeypatch: py
     for place in places.places()[:2]:
         (place.folder / "1.sock").unlink(missing_ok=True)
     assert [each["run"] for each in found] == ["1", "1@2"]
+
+
+@pytest.mark.parametrize("line", [b"[]", b"null", b"[" * 50_000, b"{"])
+def test_a_socket_that_speaks_nonsense_hides_no_other_run(line: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hub, "may_live", lambda _: True)
+    first, second = (place.prepare() for place in places.places()[:2])
+
+    async def look() -> list[Mapping[str, object]]:
+        async def speak(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            writer.write(line + b"\n")
+            writer.close()
+
+        one = Hub(lambda: None)
+        async with await asyncio.start_unix_server(speak, second / "2.sock"):
+            await one.look()
+        found = one.runs()
+        await asyncio.gather(*(link.close() for link in one._links.values()))
+        return found
+
+    with Answering(lambda _: {"result": {"stops": 1}}, first):
+        found = asyncio.run(look())
+    (second / "2.sock").unlink(missing_ok=True)
+    assert {str(each["run"]): "trouble" in each for each in found} == {"1": False, "2": True}
 
 
 def test_commands_and_watching_reach_the_one_of_two_runs_of_one_name_that_is_shown() -> None:

@@ -78,7 +78,18 @@ def test_a_stop_of_one_run_leaves_no_stamp_for_others() -> None:
     assert not is_stopped_since(own)
 
 
-@pytest.mark.parametrize("damage", ["", "{", "[]", '{"boot": "another", "ticks": 1e300}', '{"ticks": 9999999999}'])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "",
+        "{",
+        "[]",
+        '{"boot": "", "ticks": 1e300}',
+        '{"ticks": 9999999999}',
+        '{"boot": "", "ticks": 1e999}',
+        "[" * 50_000,
+    ],
+)
 def test_a_damaged_stamp_stops_nothing(damage: str) -> None:
     write_stamp()
     for place in places():
