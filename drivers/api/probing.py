@@ -19,13 +19,15 @@ def _never(heard: bytes) -> bool:
 class Ask:
     """A question: ``send`` these bytes at ``baud``, and listen for ``wait`` seconds, or until what came is ``enough``.
 
-    Without bytes it is only listened.
+    Without bytes it is only listened. The echo of an adapter is left out of the answer, unless with ``keep_echo``: a
+    device may reply with the very bytes of the question.
     """
 
     baud: int
     send: bytes = b""
     wait: float = 0.01
     enough: Callable[[bytes], object] = _never
+    keep_echo: bool = False
 
 
 @dataclass(frozen=True, slots=True)

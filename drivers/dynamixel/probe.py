@@ -103,15 +103,23 @@ def _called(baud: int) -> Servos:
 def _pinged(baud: int, protocol: Protocol, ids: Sequence[int], patience: float = 1) -> Servos:
     """Ask servos one by one; with more time for each where answers come only while another is asked.
 
-    Where some answer, the others are asked once more: a bad line loses a request now and then.
+    Where some answer, the others are asked once more: a bad line loses a request now and then. In protocol 1.0 a servo
+    that complains of its voltage answers with the bytes of the ping: an adapter's echo comes for most IDs.
     """
-    codec, found = CODECS[protocol], dict[int, Unit]()
+    codec, found, alike = CODECS[protocol], dict[int, Unit](), list[int]()
     for number in chain(ids, (number for number in ids if found and number not in found)):
-        heard = yield _question(codec, baud, number, None, patience=patience)
+        question = _question(codec, baud, number, None, patience=patience, keep_echo=True)
+        if (heard := (yield question)) == question.send:
+            alike.append(number)
+        heard = heard.removeprefix(question.send)
         if patience == 1 and any(reply.id != number for reply in _replies(codec, heard)[0]):
             return (yield from _pinged(baud, protocol, ids, PATIENT))
         if heard and (unit := (yield from _asked(codec, baud, number))):
             found[number] = unit
+    if 2 * len(set(alike)) < len(ids):
+        for number in dict.fromkeys(alike):
+            if unit := (yield from _asked(codec, baud, number)):
+                found[number] = unit
     return [found[number] for number in sorted(found)]
 
 
@@ -170,7 +178,9 @@ def _read(codec: Codec, baud: int, number: int, block: Block) -> Generator[Ask, 
     return None
 
 
-def _question(codec: Codec, baud: int, number: int, block: Block | None, *, patience: float = 1) -> Ask:
+def _question(
+    codec: Codec, baud: int, number: int, block: Block | None, *, patience: float = 1, keep_echo: bool = False
+) -> Ask:
     request = codec.ping(number) if block is None else codec.read(number, block)
     size = codec.overhead + (3 if block is None else block.size)
     frame = codec.frame(request.id, request.code, request.parameters)
@@ -179,7 +189,7 @@ def _question(codec: Codec, baud: int, number: int, block: Block | None, *, pati
         replies = (reply for reply in _replies(codec, heard)[0] if reply.id == number)
         return any(block is None or len(reply.data) == block.size for reply in replies)
 
-    return Ask(baud, frame, (len(frame) + size) * 10 / baud + REPLY * patience, answered)
+    return Ask(baud, frame, (len(frame) + size) * 10 / baud + REPLY * patience, answered, keep_echo=keep_echo)
 
 
 def _replies(codec: Codec, heard: bytes) -> tuple[list[Reply], bool]:

@@ -67,12 +67,12 @@ class OpenedPort:
         try:
             port = self._opened(question.baud)
             port.write(question.send)
-            heard, end = b"", self._clock.now() + question.wait + self._extra
+            heard, echo, end = b"", b"", self._clock.now() + question.wait + self._extra
             while not question.enough(heard) and (left := end - self._clock.now()) > 0:
                 heard += port.arrived(left)
-                if question.send and heard.startswith(question.send):
-                    heard = heard.removeprefix(question.send)
-            return heard
+                if question.send and not echo and heard.startswith(question.send):
+                    heard, echo = heard.removeprefix(question.send), question.send
+            return echo + heard if question.keep_echo else heard
         except OSError as error:
             raise explain("ports", self._path, error) from error
 

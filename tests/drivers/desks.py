@@ -128,15 +128,17 @@ class HandAsked:
 
     def ask(self, question: Ask) -> bytes:
         self.sent.append((question.baud, question.send))
-        heard, end = b"", self.clock.now() + question.wait
+        heard, echo, end = b"", b"", self.clock.now() + question.wait
         self._tune(question.baud)
-        if question.send:
-            heard += self._said(question, question.send)
-        while self.clock.now() < end and not question.enough(heard):
+        arrived = self._said(question, question.send)
+        while True:
+            heard += arrived
+            if question.send and not echo and heard.startswith(question.send):
+                heard, echo = heard.removeprefix(question.send), question.send
+            if question.enough(heard) or self.clock.now() >= end:
+                return echo + heard if question.keep_echo else heard
             self.clock.advance(0.001)
-            heard += self._said(question)
-            heard = heard.removeprefix(question.send) if question.send else heard
-        return heard
+            arrived = self._said(question)
 
     def _said(self, question: Ask, data: bytes = b"") -> bytes:
         if self._device is None:

@@ -290,6 +290,21 @@ def test_feetech_servos_are_told_from_dynamixels_by_their_table(number: int) -> 
     assert others.found is None
 
 
+@pytest.mark.parametrize("echo", [0.0, 1.0])
+@pytest.mark.parametrize(("model", "usb", "volts"), [("STS3215", "1a86:55d3", 12.2), ("AX-12A", "0403:6014", 5.0)])
+def test_servos_at_a_wrong_voltage_answer_though_with_the_bytes_of_the_ping(
+    model: str, usb: str, volts: float, echo: float
+) -> None:
+    fed = [VirtualServo(number, model=model) for number in (1, 2, 3)]
+    for servo in fed:
+        servo.voltage = volts
+    heard, wire = asked(adapter(usb), VirtualServoBus(fed, injection=FaultInjection(1, echo=echo)))
+    assert heard.found is not None
+    told = [(unit.id, unit.model, unit.trouble) for unit in heard.found.answer.units]
+    assert told == [(number, model, "voltage") for number in (1, 2, 3)]
+    assert sent_instructions(wire.sent) == READS
+
+
 @pytest.mark.parametrize("number", [1, 9])
 def test_dynamixels_on_such_an_adapter_are_dynamixels(number: int) -> None:
     chain = VirtualServoBus([VirtualServo(number, model="XL330-M077"), VirtualServo(3, model="AX-12A")])
