@@ -1,4 +1,4 @@
-"""The process of the studio: its port, how many may come at once and how slowly, its certificate, and its end."""
+"""The process of the studio: its port, the time that a browser has to ask, its certificate, and its end."""
 
 import asyncio
 import signal
