@@ -166,7 +166,8 @@ def _may_be_meant(word: str, meant: str, leaves: Mapping[str, type[Leaf]], known
     leaf = leaves.get(meant)
     moves = leaf is not None and bool(leaf.drives.intersection(MOVING))
     if leaf is not None and not leaf.instant and not moves:
-        return meant.startswith(word) or SequenceMatcher(None, word, meant).ratio() >= LIKE
+        alike = SequenceMatcher(None, word, meant).ratio() >= LIKE
+        return alike or meant.startswith(word) or _is_slip(word, meant, most=1)
     if leaf is None and len(word) > 2 and [each for each in known if each.startswith(word)] == [meant]:
         return True
     parts, others = word.split("_"), meant.split("_")

@@ -210,6 +210,8 @@ UNITS = "(units: deg, rad)"
     [
         # words
         (["- trak_face"], "trak_face", "unknown behaviour 'trak_face'", "did you mean 'track_face'?"),
+        (["- sya: Hello"], "sya", "unknown behaviour 'sya'", "did you mean 'say'?"),
+        (["- wiat: 3 s"], "wiat", "unknown behaviour 'wiat'", "did you mean 'wait'?"),
         (["- Say: Hello"], "Say", "unknown behaviour 'Say'", "did you mean 'say'?"),
         (["- xyzzy: 3"], "xyzzy", "unknown behaviour 'xyzzy'", LISTED),
         (["- say Hello"], "say Hello", "unknown behaviour 'say Hello'", "write 'say: Hello', with a colon and a space"),
