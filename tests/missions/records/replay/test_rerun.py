@@ -167,7 +167,7 @@ def test_a_run_that_was_paused_is_decided_again(robot: RobotConfig) -> None:
 
 def test_a_run_in_real_time_is_decided_again(robot: RobotConfig) -> None:
     def stop(runner: Runner, moment: TickRecord) -> None:
-        if moment.t > 3.0:
+        if moment.tick == 20:
             runner.executive.stop("enough")
 
     past = past_of(RunRequest("look_around", simulate="wire"), act=stop)
