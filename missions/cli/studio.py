@@ -2,6 +2,7 @@
 
 import ipaddress
 import os
+import resource
 import socket
 import sys
 from contextlib import closing, suppress
@@ -20,6 +21,10 @@ PORT = 8642
 
 PORTS_TRIED = 20
 """Ports from the usual one on that are tried where none is named."""
+
+
+MIN_DESCRIPTORS = 128
+"""File descriptors without which the studio is not started: 64 are kept for a stop, and with few others it is deaf."""
 
 
 @click.command(epilog="Example: mission studio --open")
@@ -84,6 +89,7 @@ def command(
         raise click.UsageError(f"the studio needs {error.name}\n  try: pip install 'missiontree[studio]'") from error
     if key is not None and certificate is None:
         raise click.UsageError("--key goes with --certificate FILE")
+    _check_descriptors()
     access = Access(*tokens.kept_tokens(), keep=tokens.keep_tokens) if keep_tokens else Access()
     listener = _listen(host, port)
     with closing(listener):
@@ -114,6 +120,14 @@ def command(
     if running:
         click.echo(f"still running: {', '.join(map(str, running))}\n  try: mission stop --end")
     return SUCCESS
+
+
+def _check_descriptors() -> None:
+    """Raise ClickException where this process may open too few files to serve anybody."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if limit != resource.RLIM_INFINITY and limit < MIN_DESCRIPTORS:
+        few = f"open files are limited to {limit}, and the studio needs {MIN_DESCRIPTORS}"
+        raise click.ClickException(f"{few}\n  try: ulimit -n 1024  (in this shell)")
 
 
 def _listen(host: str, port: int | None) -> socket.socket:

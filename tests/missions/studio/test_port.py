@@ -1,12 +1,14 @@
 """The port of a studio: the next free one where the usual one is taken, and who has one that was asked for."""
 
 import socket
+import subprocess
+import sys
 from contextlib import closing
 
 import pytest
 
 from missions.cli import studio
-from tests.missions.command import Process, command
+from tests.missions.command import PATIENCE, Process, command
 
 
 def free_port() -> int:
@@ -48,3 +50,10 @@ def test_only_a_port_in_use_makes_it_try_the_next(
     with closing(socket.create_server(("127.0.0.1", taken))):
         refused = command(capsys, "studio")
     assert f"port {taken}: in use" in refused.err
+
+
+def test_a_studio_with_too_few_descriptors_is_refused_and_does_not_listen_in_vain() -> None:
+    few = f"ulimit -n {studio.MIN_DESCRIPTORS - 1}; exec {sys.executable} -m missions studio --port 0"
+    refused = subprocess.run(["sh", "-c", few], capture_output=True, text=True, timeout=PATIENCE, check=False)
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert "open files are limited to 127, and the studio needs 128\n  try: ulimit -n 1024" in refused.stderr
