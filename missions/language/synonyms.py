@@ -158,13 +158,31 @@ def word_meant(
         return BRANCHES
     if ours:
         return f"write {in_words(ours)}" + (", beside a behaviour" if head_of(ours[-1]) in beside else "")
-    return did_you_mean(word, [each for each in known if _may_be_meant(word.lower(), each, leaves, known)])
+    near = _near(word.lower(), [*known, *beside])
+    return did_you_mean(word, [each for each in known if _may_be_meant(word.lower(), each, leaves, known, near)])
 
 
-def _may_be_meant(word: str, meant: str, leaves: Mapping[str, type[Leaf]], known: Collection[str]) -> bool:
-    """Say whether a word may be proposed for its spelling: one that decides nothing, or is a slip away."""
+def _near(word: str, ours: Collection[str]) -> frozenset[str]:
+    """Return our words that a word with one slip in it may mean: by themselves, or by what others call them."""
+    slips = {each for each in ours if one_slip(word, each)}
+    for each, names in WORDS.items():
+        # A shorter word is a slip away from too many: ``trun`` is ``turn``, not ``run``.
+        if any(len(name) > 3 and _is_slip(word, name, most=1) for name in names.split()):
+            slips.add(head_of(each))
+    return frozenset(slips)
+
+
+def _may_be_meant(
+    word: str, meant: str, leaves: Mapping[str, type[Leaf]], known: Collection[str], near: Collection[str]
+) -> bool:
+    """Say whether a word may be proposed for its spelling: one that decides nothing, or is a slip away.
+
+    One that moves the robot may be proposed where it alone is near: ``lay`` is ``say`` or ``play``.
+    """
     leaf = leaves.get(meant)
     moves = leaf is not None and bool(leaf.drives.intersection(MOVING))
+    if moves and not {meant}.issuperset(near):
+        return False
     if leaf is not None and not leaf.instant and not moves:
         alike = SequenceMatcher(None, word, meant).ratio() >= LIKE
         return alike or meant.startswith(word) or _is_slip(word, meant, most=1)

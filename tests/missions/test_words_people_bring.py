@@ -310,8 +310,21 @@ def test_a_likeness_of_spelling_alone_never_leads_to_what_moves() -> None:
     assert not [(word, meant(word)) for word in strange.split() for moves in moving if f"'{moves}'" in meant(word)]
 
 
+def test_a_slip_that_may_be_of_another_word_does_not_lead_to_what_moves() -> None:
+    slips = "lay pay it st wsit arce darc ar lok san seep alk"  # say, if, set, wait, race, dark, as, log, sleep, talk
+    moving = [word for word, leaf in LEAVES.items() if leaf.drives.intersection(MOVING)]
+    assert not [(slip, meant(slip)) for slip in slips.split() for word in moving if f"'{word}'" in meant(slip)]
+
+
 def test_a_slip_of_the_keyboard_still_leads_there() -> None:
-    slips = {"tunr": "turn", "drve": "drive", "sweeep": "sweep", "trak_face": "track_face", "track_fave": "track_face"}
+    slips = {
+        "tunr": "turn",
+        "trun": "turn",
+        "drve": "drive",
+        "sweeep": "sweep",
+        "trak_face": "track_face",
+        "track_fave": "track_face",
+    }
     assert {slip: meant(slip) for slip in slips} == {slip: f"did you mean '{word}'?" for slip, word in slips.items()}
 
 
