@@ -13,7 +13,8 @@ from config.faults import Diagnostic, did_you_mean, one_of
 from config.library import shipped
 from config.units import article
 from drivers.api.kinds import KINDS
-from missions.language.nodes import AT_ONCE, COMPOSITES, MODIFIERS
+from missions.language.counts import decision
+from missions.language.nodes import AT_ONCE, COMPOSITES, FAILURE, MODIFIERS
 from missions.language.notes import Lookup, Notes
 from missions.language.plan import Step
 from missions.language.values import Value
@@ -113,7 +114,7 @@ def impossible(tree: Step, robot: Target, things: Mapping[str, Lookup]) -> list[
             able = "" if missing else _possible_gestures(step, robot, things)
             told = "the next alternative of the selector is tried then" + (f"; {able}" if able else "")
             hints.append(Diagnostic(step.source, step.mark, _cannot(step, robot, why), told))
-    return hints
+    return list(dict.fromkeys(hints))  # a selector in a selector has it twice
 
 
 def _begun_with_others_left(tree: Step) -> Iterator[Step]:
@@ -125,14 +126,25 @@ def _begun_with_others_left(tree: Step) -> Iterator[Step]:
 
 
 def _first_leaves(step: Step) -> Iterator[Step]:
-    """Yield the leaves that are ticked when a step starts."""
+    """Yield the leaves that are ticked when a step starts, and with which it fails."""
     if step.leaf is not None:
         yield step
     elif step.kind in AT_ONCE or step.kind in MODIFIERS:
+        if not _fails_with_child(step):
+            return
         for child in step.children:
             yield from _first_leaves(child)
     elif step.kind in COMPOSITES and COMPOSITES[step.kind].order == "in order":
         yield from _first_leaves(step.children[0])
+
+
+def _fails_with_child(step: Step) -> bool:
+    """Say whether a modifier, a parallel or a race fails with the first failure below it."""
+    if step.kind in MODIFIERS:
+        return FAILURE in MODIFIERS[step.kind].failure
+    decided = decision(len(step.children), {word: value.constant for word, value in step.arguments.items()})
+    known = all(value.template is None for value in step.arguments.values())
+    return known and decided.failures == 1 and not decided.waits
 
 
 def _missing(step: Step, robot: Target) -> list[str]:

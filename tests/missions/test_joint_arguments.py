@@ -244,7 +244,13 @@ def test_where_no_gesture_fits_one_is_to_be_recorded() -> None:
 
 @pytest.mark.parametrize("robot", ["humanoid", "pi_car"])
 @pytest.mark.parametrize(
-    "first", ["gesture: hello", "race: [track_face, gesture: hello]", "{gesture: hello, retry: 2}"]
+    "first",
+    [
+        "gesture: hello",
+        "race: [track_face, gesture: hello]",
+        "{gesture: hello, retry: 2}",
+        "selector: [gesture: hello, nod]",
+    ],
 )
 def test_an_alternative_that_the_robot_cannot_do_is_a_hint_where_another_follows(robot: str, first: str) -> None:
     target = target_of(load_robot(shipped("robots")[robot]))
@@ -264,6 +270,10 @@ def test_an_alternative_that_the_robot_cannot_do_is_a_hint_where_another_follows
         "reactive_selector: [gesture: hello, nod]",
         "{gesture: hello, on_failure: succeed}",
         "selector: [obstacle_within: 1 m, nod]",  # a condition that a missing sensor would answer
+        "selector: [{gesture: hello, invert: true}, nod]",  # its failure does not lead to the next
+        "selector: [{sequence: [gesture: hello, wait: 1 s], invert: true}, nod]",
+        "selector: [{parallel: [gesture: hello, drive: 1 m], success_count: 1, failure_count: all}, nod]",
+        "selector: [{parallel: [gesture: hello, drive: 1 m], wait_for_all: true}, nod]",  # drives before it fails
     ],
 )
 def test_any_other_step_that_the_robot_cannot_do_is_a_mistake(tree: str) -> None:
