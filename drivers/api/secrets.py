@@ -3,9 +3,10 @@
 import re
 from collections.abc import Callable
 
-_ADDRESS = re.compile(r"([A-Za-z][\w+.-]*://)([^\s'\"]+)")
+_ADDRESS = re.compile(r"([A-Za-z][\w+.-]+:/+)([^\s'\"]+)")
+"""An address; a path that was made of one has a slash less."""
 
-_WORDS = "pass|pwd|pas|auth|token|key|secret|sig|usr|user|login|session|sid"
+_WORDS = "pas|pw|auth|token|key|secret|sig|usr|user|login|session|sid"
 
 _PARAMETER = re.compile(rf"([^/?&;#=]*(?:{_WORDS})[^/?&;#=]*=)([^&;#\s'\"]*)", re.IGNORECASE)
 """A parameter of an address that says who may look: cameras have them behind the question mark, and in the path."""
@@ -22,7 +23,7 @@ def without_secrets(text: str, *, aligned: bool = False) -> str:
     def mask(secret: str) -> str:
         return "*" * len(secret) if aligned else MASK
 
-    return _ADDRESS.sub(lambda found: found[1] + _masked(found[2], mask), text) if "://" in text else text
+    return _ADDRESS.sub(lambda found: found[1] + _masked(found[2], mask), text) if ":/" in text else text
 
 
 def _masked(rest: str, mask: Callable[[str], str]) -> str:

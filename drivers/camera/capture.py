@@ -169,6 +169,10 @@ class Capture:
                 trouble = self._serve()
             except NotConnected as error:
                 trouble = error
+            except (OSError, MemoryError) as error:  # it is tried again, like a camera that is away
+                hint = "`ulimit -a`, `free -h` and `ls /proc/PID/fd` show what has run out"
+                what = f"{self._name}: {self._feed.what}: {str(error) or 'out of memory'}"
+                trouble = NotConnected(what, hint=hint)
             finally:
                 self._feed.stop()
             if trouble is not None and not self._ending.is_set():

@@ -4,6 +4,7 @@ import errno
 import re
 import socket
 import ssl
+from collections.abc import Sequence
 from http import HTTPStatus
 from http.client import BadStatusLine, HTTPException, RemoteDisconnected
 from urllib.parse import urlsplit
@@ -20,6 +21,9 @@ ADDRESSES = (
 )
 _ONE_VIEWER = "most small cameras have one viewer at a time: close it in the browser and in other programs"
 _PORTS = {"http": 80, "https": 443, "rtsp": 554, "rtmp": 1935}
+
+_SIGN_IN = r"""basic\b|digest (?!.*algorithm="?(?!(?:md5|sha)"?(?:[,\s]|$)))(?!.*qop="?auth-int"?(?:[,\s]|$)).*="""
+"""The ways to sign in that ``urllib`` knows."""
 
 _LOG = (
     (r"(?:failed: |error )(401|403|404|503)\b", 0),
@@ -75,6 +79,15 @@ def of_status(status: int, source: Source, given: bool | None = None) -> Cause:
     if 300 <= status < 400:
         return f"redirects for ever ({told})", ADDRESSES
     return f"answers {told}", ADDRESSES
+
+
+def of_sign_in(ways: Sequence[str]) -> Cause | None:
+    """Return what it means that a camera offers only these ``ways`` to sign in; None where one of them is known."""
+    if not ways or any(re.match(_SIGN_IN, way, re.IGNORECASE) for way in ways):
+        return None
+    names = ", ".join(repr(way[:60]) for way in ways)
+    hint = "choose Basic, or Digest with MD5, on the settings page of the camera"
+    return f"offers only ways to sign in that are not supported: {names}", hint
 
 
 def of_page(page: str) -> Cause:

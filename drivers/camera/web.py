@@ -6,8 +6,10 @@ Films and streams in other formats are for FFmpeg.
 import select
 import ssl
 from collections.abc import Callable
+from http import HTTPStatus
 from http.client import HTTPException, HTTPResponse
 from threading import Event
+from typing import Any
 from urllib.error import HTTPError, URLError
 from urllib.parse import quote, unquote, urlsplit
 from urllib.request import (
@@ -24,7 +26,7 @@ from urllib.request import (
 from drivers.api import Image
 from drivers.api.secrets import without_secrets
 from drivers.camera.capture import SILENCE
-from drivers.camera.causes import missing, of_error, of_page, of_status
+from drivers.camera.causes import missing, of_error, of_page, of_sign_in, of_status
 from drivers.camera.decode import UNWANTED, decoded
 from drivers.camera.jpegs import BEGIN, LARGEST_PICTURE, JpegFinder
 from drivers.camera.opencv import VideoFeed
@@ -46,6 +48,29 @@ LATE = 4_000_000
 _BLOCK = 65536
 _PAGE = 4096  # bytes of a web page that are looked at
 _FAULTS = (OSError, HTTPException, ValueError, UnicodeError)
+
+
+class _KnownWays:
+    """Passes over a way to sign in that ``urllib`` does not support: the camera may offer another one."""
+
+    def http_error_401(self, *args: Any) -> Any:
+        """Sign in; return None where it is not known how."""
+        try:
+            return super().http_error_401(*args)  # type: ignore[misc]
+        except URLError as error:
+            if isinstance(error, HTTPError) or isinstance(error.reason, Exception):
+                raise
+        except ValueError:
+            pass
+        return None
+
+
+class _BasicHandler(_KnownWays, HTTPBasicAuthHandler):
+    pass
+
+
+class _DigestHandler(_KnownWays, HTTPDigestAuthHandler):
+    pass
 
 
 class WebFeed:
@@ -144,7 +169,8 @@ class WebFeed:
             if target and urlsplit(target).scheme not in {"", "http", "https"}:
                 cause = f"redirects to {without_secrets(target)}", "write that address"
             else:
-                cause = of_status(error.code, self._source, given)
+                ways = error.headers.get_all("WWW-Authenticate", []) if error.code == HTTPStatus.UNAUTHORIZED else []
+                cause = of_sign_in(ways) or of_status(error.code, self._source, given)
             raise missing(self._name, self._source, cause) from error
         except URLError as error:
             reason = error.reason if isinstance(error.reason, Exception) else error
@@ -210,7 +236,7 @@ def _prepared(source: str) -> tuple[str, OpenerDirector, bool]:
     opener = build_opener(
         ProxyHandler({}),  # a camera is near
         HTTPSHandler(context=ssl.create_default_context()),
-        HTTPBasicAuthHandler(passwords),
-        HTTPDigestAuthHandler(passwords),
+        _BasicHandler(passwords),
+        _DigestHandler(passwords),
     )
     return url, opener, given

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import pytest
 
-from drivers.api import CameraFrame, DeviceStatus
+from drivers.api import CameraFrame, DeviceStatus, Image
 from drivers.api.secrets import without_secrets
 from drivers.camera import reader
 from drivers.camera.make import open_source
@@ -328,8 +328,8 @@ def test_a_film_over_tcp_is_for_ffmpeg_on_the_same_connection(tmp_path: Path) ->
         assert len(web.connections) == 1
 
 
-def page(body: str, status: str = "200 OK") -> Answer:
-    return lambda connection: connection.send(answer(body.encode(), "text/html; charset=utf-8", status))
+def page(body: str, status: str = "200 OK", *heads: str) -> Answer:
+    return lambda connection: connection.send(answer(body.encode(), "text/html; charset=utf-8", status, *heads))
 
 
 def plain(data: bytes) -> Answer:
@@ -338,6 +338,8 @@ def plain(data: bytes) -> Answer:
 
 REFUSALS: tuple[tuple[Answer, str, str], ...] = (
     (page("", "401 Unauthorized"), "wants a user name and a password (401 Unauthorized)", "http://NAME:PASSWORD@127.0.0.1:"),
+    (page("", "401 Unauthorized", "WWW-Authenticate: Bearer x"), "not supported: 'Bearer x'", "choose Basic"),
+    (page("", "401 Unauthorized", "WWW-Authenticate: Digest x"), "not supported: 'Digest x'", "choose Basic"),
     (page("", "403 Forbidden"), "forbids to look (403 Forbidden)", "one viewer at a time"),
     (page("", "404 Not Found"), "has nothing at this address (404 Not Found)", ":81/stream"),
     (page("", "503 Service Unavailable"), "is busy or faulty (503 Service Unavailable)", "one viewer at a time"),
@@ -437,6 +439,43 @@ def test_a_name_and_a_password_are_sent_and_never_shown(scheme: str) -> None:
                 assert "p%40ss" not in camera.health().detail + camera.health().hint
 
 
+UNSUPPORTED = ("algorithm=SHA-512-256", 'qop="auth-int"', 'qop="auth-int", algorithm=MD5', 'algorithm="MD5-sess"')
+
+
+@pytest.mark.parametrize("heads", UNSUPPORTED)
+def test_a_camera_that_offers_basic_beside_an_unsupported_digest_shows_pictures(heads: str) -> None:
+    digest = f'WWW-Authenticate: Digest realm="cam", nonce="abc", {heads}'
+
+    def guarded(connection: Connection) -> None:
+        known = b"Authorization: Basic bWU6c2VjcmV0" in connection.request
+        basic = ("WWW-Authenticate: Basic realm=cam",) if b"both" in connection.request else ()
+        connection.send(MJPEG if known else answer(b"", "text/plain", "401 Unauthorized", digest, *basic))
+        if known:
+            connection.stream()
+
+    with WebCamera(guarded) as web:
+        place = web.url.replace("://", "://me:secret@")
+        with watched(f"{place}/both") as camera:
+            shown(camera)
+        with watched(f"{place}/one") as camera:
+            wait_until(lambda: "offers only ways to sign in that are not supported" in camera.health().detail)
+
+
+def test_a_camera_shows_pictures_again_after_memory_or_descriptors_ran_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    take = reader.ReaderProcess.picture
+    troubles = [OSError(24, "Too many open files"), MemoryError()]
+
+    def starved(process: reader.ReaderProcess, shape: tuple[int, int]) -> Image:
+        if troubles:
+            raise troubles.pop()
+        return take(process, shape)
+
+    monkeypatch.setattr(reader.ReaderProcess, "picture", starved)
+    with WebCamera(endless) as web, watched(web.url) as camera:
+        shown(camera)
+    assert not troubles
+
+
 def test_a_certificate_that_nobody_trusts_is_explained(tmp_path: Path) -> None:
     key, made = tmp_path / "key.pem", tmp_path / "cert.pem"
     command = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=cam"]
@@ -463,6 +502,9 @@ def test_a_certificate_that_nobody_trusts_is_explained(tmp_path: Path) -> None:
         ("http://[::1]:80/a@b", "http://[::1]:80/a@b"),
         ("http://h/cgi?usr=secret&pwd=secret&x=1", "http://h/cgi?usr=***&pwd=***&x=1"),
         ("rtsp://h:554/user=secret&password=secret&channel=1", "rtsp://h:554/user=***&password=***&channel=1"),
+        ("http://h/cgi?u=1&pw=secret", "http://h/cgi?u=1&pw=***"),
+        ("http:/me:secret@h/x", "http:/***@h/x"),
+        ("C:/my@home/x", "C:/my@home/x"),
         ("see http://me:secret@h/x, and http://me:secret@z", "see http://***@h/x, and http://***@z"),
     ],
 )
