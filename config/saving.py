@@ -68,6 +68,9 @@ def _mode_of(path: Path) -> int:
     """Return the mode of a file; that of a new one where there is none."""
     if path.exists():
         return path.stat().st_mode
-    mask = os.umask(0)
-    os.umask(mask)
-    return 0o666 & ~mask
+    # os.umask can only be asked by setting it, which a file of another thread would feel.
+    mask = "022"
+    with suppress(OSError):
+        status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
+        mask = next((line.split()[1] for line in status.splitlines() if line.startswith("Umask:")), mask)
+    return 0o666 & ~int(mask, 8)

@@ -23,7 +23,7 @@ from drivers.programs import Program, device_holders, end_command
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-LISTED = "mission ports  (what is plugged in, and what answers there; or run with --simulate)"
+LISTED = "mission ports  (what is plugged in, and what answers there)"
 """What to type where a port is not what it should be."""
 
 _KINDS = {

@@ -23,6 +23,7 @@ NEW_OR_OWN = {
     "missions/cli/joining.py": 1,  # a token in a folder of its own, renamed
     "missions/cli/root.py": 1,  # /dev/null
     "missions/records/recording/outputs.py": 1,  # events, as they come
+    "missions/records/recording/process.py": 1,  # a record, as it comes, beside the earlier one
     "missions/records/replay/sources.py": 1,  # copies in a temporary folder
     "missions/service/fleet/latch.py": 1,  # renamed
     "missions/studio/audit.py": 1,  # a log, line by line
@@ -101,3 +102,12 @@ def test_no_module_writes_a_file_of_the_user_in_any_other_way() -> None:
             if count > NEW_OR_OWN.get(name, 0):
                 found[name] = count
     assert found == {}
+
+
+def test_a_new_file_has_the_mode_of_any_other(tmp_path: Path) -> None:
+    before = os.umask(0o027)
+    try:
+        save_file(tmp_path / "new", "told")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "new").stat().st_mode) == 0o640
