@@ -1,5 +1,6 @@
 """One run of a camera, from its opening to its closing: the thread that always holds the newest picture ready."""
 
+import logging
 from collections.abc import Callable
 from math import inf
 from threading import Condition, Event, Thread
@@ -13,6 +14,8 @@ from drivers.camera.turning import turned
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.guard import guarded
+
+log = logging.getLogger(__name__)
 
 
 class Feed(Protocol):
@@ -173,6 +176,9 @@ class Capture:
                 hint = "`ulimit -a`, `free -h` and `ls /proc/PID/fd` show what has run out"
                 what = f"{self._name}: {self._feed.what}: {str(error) or 'out of memory'}"
                 trouble = NotConnected(what, hint=hint)
+            except Exception as error:  # of the source: another start may bring the pictures back
+                log.exception("%s: %s failed", self._name, self._feed.what)
+                trouble = NotConnected(f"{self._name}: {self._feed.what}: {type(error).__name__}: {error}")
             finally:
                 self._feed.stop()
             if trouble is not None and not self._ending.is_set():

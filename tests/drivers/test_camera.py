@@ -1,6 +1,7 @@
 """Cameras over OpenCV: videos, pictures and devices that are absent, break off or hang."""
 
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from queue import Queue
 from threading import Event, Thread
@@ -204,6 +205,23 @@ def test_a_camera_that_is_unplugged_comes_back_by_itself() -> None:
     feed.present.clear()
     feed.pictures.put(None)
     camera.close()
+
+
+def test_a_source_that_fails_is_reported_and_started_again(caplog: pytest.LogCaptureFixture) -> None:
+    class Broken(Webcam):
+        def grab(self, wanted: Callable[[], bool]) -> Image | None:
+            if not self.pictures.qsize():
+                raise ValueError("not a picture")
+            return super().grab(wanted)
+
+    feed = Broken()
+    feed.present.set()
+    with closing(live(feed, ManualClock())) as camera:
+        camera.open()
+        wait_until(lambda: camera.health().detail == "eye: /dev/eye: ValueError: not a picture")
+        feed.pictures.put(grey(1))
+        assert camera.read(60.0) is not None
+    assert "ValueError: not a picture" in caplog.text
 
 
 def test_a_camera_that_falls_silent_is_offline() -> None:
