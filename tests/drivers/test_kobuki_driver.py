@@ -953,5 +953,5 @@ def test_a_forbidden_port_says_how_to_get_the_right(ported: Ported, monkeypatch:
         forbidden.setattr(ports, "SerialPort", refuse)
         ported.base.open()
         wait_until(lambda: "no permission" in ported.base.health().detail)
-        assert "usermod" in ported.base.health().hint
+        assert "sudo" in ported.base.health().hint
     wait_until(ported.online)

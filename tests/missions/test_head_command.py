@@ -154,7 +154,7 @@ def test_a_shipped_robot_is_never_written_and_the_way_to_a_copy_is_told(mission:
     [
         (("trim",), 2, "the arrow keys need a terminal"),
         (("trim", "--pan", "50"), 3, "not within -45..45 deg"),
-        (("look", "--pan", "nan"), 2, "'nan' is not a number"),
+        (("look", "--pan", "nan"), 2, "'nan' is not an angle"),
         (("look", "--port", "/dev/nano"), 2, "--port names a real port"),
         (("where", "--robot", "bodiless.yaml"), 2, "bodiless has no head"),
     ],
