@@ -140,12 +140,19 @@ MOST_BYTES = 256_000_000
 """Bytes of a file with one picture: so many pixels without compression, and some more."""
 
 
+FFMPEG_LOG_LEVEL = "OPENCV_FFMPEG_LOGLEVEL"
+"""The environment variable by which OpenCV sets how much FFmpeg tells."""
+
+SILENT = "-8"
+"""The level at which FFmpeg tells nothing (AV_LOG_QUIET)."""
+
+
 def hush() -> None:
     """Silence OpenCV and FFmpeg for this process: what they would print, the callers say in one sentence.
 
     FFmpeg takes its level from the environment when OpenCV first opens a video; a level that the user set is kept.
     """
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    os.environ.setdefault(FFMPEG_LOG_LEVEL, SILENT)
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from drivers.api import Image
 from drivers.camera.causes import with_cause
-from drivers.camera.decode import NOTHING, UNWANTED
+from drivers.camera.decode import FFMPEG_LOG_LEVEL, NOTHING, SILENT, UNWANTED
 from drivers.camera.source import Source, advice, shown
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
@@ -57,6 +57,8 @@ class ReaderProcess:
         self._map: mmap.mmap | None = None
         paths = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths)), "OPENBLAS_NUM_THREADS": "1"}
+        if environment.get(FFMPEG_LOG_LEVEL) == SILENT:  # of this process; from the reader it is to be heard
+            del environment[FFMPEG_LOG_LEVEL]
         try:
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "drivers.camera.reader_process"],

@@ -17,7 +17,7 @@ import pytest
 
 from drivers.api import CameraFrame, DeviceStatus, Image
 from drivers.api.secrets import without_secrets
-from drivers.camera import reader
+from drivers.camera import decode, reader
 from drivers.camera.make import open_source
 from drivers.camera.threaded import ThreadedCamera
 from drivers.camera.web import WebFeed
@@ -385,7 +385,10 @@ def rtsp(status: str) -> Answer:
         ("453 Not Enough Bandwidth", "me:secret@", "cannot be opened as a stream", "ffplay rtsp://***@"),
     ],
 )
-def test_why_an_rtsp_camera_refuses_is_said(status: str, names: str, reason: str, hint: str) -> None:
+def test_why_an_rtsp_camera_refuses_is_said(
+    monkeypatch: pytest.MonkeyPatch, status: str, names: str, reason: str, hint: str
+) -> None:
+    monkeypatch.setenv(decode.FFMPEG_LOG_LEVEL, decode.SILENT)  # as in a process that has read a picture before
     with WebCamera(rtsp(status), asks=False) as web, watched(f"rtsp://{names}127.0.0.1:{web.port}/x") as camera:
         wait_until(lambda: reason in camera.health().detail)
         health = camera.health()
