@@ -20,7 +20,7 @@ PACKAGES = ("behaviours", "config", "docs", "drivers", "missions", "perception",
 
 PLAYS = """
 import sys
-from missions.testing.storm.play import play_seed
+from tests.storm.play import play_seed
 first, seeds = map(int, sys.argv[1:])
 for seed in range(first, first + seeds):
     broken = play_seed(seed).broken

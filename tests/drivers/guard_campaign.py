@@ -1,7 +1,7 @@
 """The campaign of the range guard: people and furniture in the way of leaves, teleoperation and studio, by seed.
 
 Each seed is a base in simulated time with a simulated range finder, for eight seconds. What counts as a touch, and as
-visible in time, is defined by ``missions.testing.storm.touching``.
+visible in time, is defined by ``tests.storm.touching``.
 """
 
 from collections.abc import Callable
@@ -35,8 +35,8 @@ from missions.hands.teleop.pilot import Pilot
 from missions.library.worlds import build_world
 from missions.studio.commands import Drive as StudioDrive
 from missions.studio.wheels import Wheels as StudioWheels
-from missions.testing.storm.crowds import crowded
-from missions.testing.storm.touching import Touch, TouchWatch
+from tests.storm.crowds import crowded
+from tests.storm.touching import Touch, TouchWatch
 
 SECONDS, TICK = 8.0, 0.05
 

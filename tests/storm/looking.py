@@ -6,7 +6,7 @@ from math import inf, radians
 from typing import Any
 
 from missions.executive.events import FaultRaised
-from missions.testing.storm.witness import Truth, Witness
+from tests.storm.witness import Truth, Witness
 
 STILL = 0.002
 """Radians, metres or either a second, below which nothing moves."""

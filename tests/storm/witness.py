@@ -14,9 +14,9 @@ from missions.executive.tick_record import TickRecord
 from missions.runner import Runner
 from missions.testing.history import History
 from missions.testing.mishaps import Mishap
-from missions.testing.storm.leaves import LEFT, STOPS_NOT
-from missions.testing.storm.record import StormRecord
-from missions.testing.storm.touching import TouchWatch
+from tests.storm.leaves import LEFT, STOPS_NOT
+from tests.storm.record import StormRecord
+from tests.storm.touching import TouchWatch
 
 SAMPLE = 0.02
 """Seconds between two looks at the truth."""

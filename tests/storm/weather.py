@@ -23,9 +23,9 @@ from missions.library.shipped import load_mission, shipped_missions
 from missions.library.target import target_of
 from missions.library.things import THINGS
 from missions.library.vocabulary import vocabulary
-from missions.testing.storm.crowds import crowded
-from missions.testing.storm.others import OTHERS, others_of
-from missions.testing.storm.trees import Trees
+from tests.storm.crowds import crowded
+from tests.storm.others import OTHERS, others_of
+from tests.storm.trees import Trees
 
 LEAVES = Path(__file__).with_name("leaves.py")
 """The leaves of the storm, as a file of a user's own."""

@@ -8,8 +8,8 @@ from missions.executive.events import NodeChanged, ReflexFired
 from missions.executive.executive import HALT_TIME
 from missions.executive.telling import logging_to
 from missions.records.replay.rerun import rerun
-from missions.testing.storm.leaves import DOOMED, LEFT
-from missions.testing.storm.looking import (
+from tests.storm.leaves import DOOMED, LEFT
+from tests.storm.looking import (
     STILL,
     back_within,
     by_itself,
@@ -22,7 +22,7 @@ from missions.testing.storm.looking import (
     returns,
     turns,
 )
-from missions.testing.storm.witness import Witness
+from tests.storm.witness import Witness
 
 Invariant = Callable[[Witness], Iterator[str]]
 
@@ -146,7 +146,7 @@ def latched(seen: Witness) -> Iterator[str]:
 
 @invariant("a base with a range guard drives into nothing that was visible in time")
 def no_touch(seen: Witness) -> Iterator[str]:
-    """See ``missions.testing.storm.touching``."""
+    """See ``tests.storm.touching``."""
     for touch in [] if seen.touching is None else seen.touching.bad:
         yield f"at {touch.time:.2f} s the base drives into {touch.what} at {touch.speed:.2f} m/s"
 

@@ -21,13 +21,13 @@ from drivers.errors import DeviceFault
 from drivers.sim.twins.joints import JointsTwin
 from missions.executive.asked import Decided
 from missions.executive.executive import Executive
-from missions.testing.storm import invariants
-from missions.testing.storm.others import OTHERS, others_of
-from missions.testing.storm.play import Outcome, play, play_seed, played_twice
-from missions.testing.storm.shrink import as_test, shrunk
-from missions.testing.storm.trees import Trees
-from missions.testing.storm.weather import Weather, draw, faults_of
-from missions.testing.storm.witness import Witness
+from tests.storm import invariants
+from tests.storm.others import OTHERS, others_of
+from tests.storm.play import Outcome, play, play_seed, played_twice
+from tests.storm.shrink import as_test, shrunk
+from tests.storm.trees import Trees
+from tests.storm.weather import Weather, draw, faults_of
+from tests.storm.witness import Witness
 from tests import planted
 from tests.missions.command import command
 
@@ -264,7 +264,7 @@ def test_the_table_tells_what_struck_and_what_held(capsys: pytest.CaptureFixture
 def test_a_seed_that_breaks_something_is_told_with_what_to_type(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("missions.testing.storm.play.draw", lambda _: weather(*FAULTS))
+    monkeypatch.setattr("tests.storm.play.draw", lambda _: weather(*FAULTS))
     told = command(capsys, "storm", "--seeds", "1", "--first", "7", "--jobs", "1")
     assert told.code == 1
     assert "seed 7 breaks no_bumps: it bumped\n  try: mission storm --seed 7 --shrink" in told.out

@@ -19,10 +19,10 @@ from missions.order import RunRequest
 from missions.runner import Runner
 from missions.testing.live import read_live
 from missions.testing.mishaps import Mishap
-from missions.testing.storm.invariants import ALL_REST, broken
-from missions.testing.storm.record import StormRecord
-from missions.testing.storm.weather import LEAVES, Weather, draw
-from missions.testing.storm.witness import Witness
+from tests.storm.invariants import ALL_REST, broken
+from tests.storm.record import StormRecord
+from tests.storm.weather import LEAVES, Weather, draw
+from tests.storm.witness import Witness
 from missions.testing.trouble import Trouble
 
 AGAIN = 4

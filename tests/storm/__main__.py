@@ -14,10 +14,10 @@ from missions.cli.numbers import Whole
 from missions.cli.outputs import writing
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
 from missions.testing.many import GONE, cores, do_all
-from missions.testing.storm.play import Outcome, play_seed
-from missions.testing.storm.report import as_data, report, schedule
-from missions.testing.storm.shrink import as_test, shrunk
-from missions.testing.storm.weather import draw
+from tests.storm.play import Outcome, play_seed
+from tests.storm.report import as_data, report, schedule
+from tests.storm.shrink import as_test, shrunk
+from tests.storm.weather import draw
 
 
 @click.command(epilog="Example: mission storm --seeds 1000 --jobs 2")

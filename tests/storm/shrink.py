@@ -5,8 +5,8 @@ from dataclasses import fields, replace
 from pprint import pformat
 from typing import Any
 
-from missions.testing.storm.play import Outcome, play, played_twice
-from missions.testing.storm.weather import Weather
+from tests.storm.play import Outcome, play, played_twice
+from tests.storm.weather import Weather
 
 SAME = "same_again"
 """What shows only when a weather is played twice."""
@@ -62,8 +62,8 @@ def as_test(outcome: Outcome) -> str:
     )
     return (
         f'"""What seed {weather.seed} of the storm has found: {", ".join(outcome.broken)}."""\n\n'
-        "from missions.testing.storm.play import played_twice\n"
-        "from missions.testing.storm.weather import Weather\n\n\n"
+        "from tests.storm.play import played_twice\n"
+        "from tests.storm.weather import Weather\n\n\n"
         f"def test_what_seed_{weather.seed}_of_the_storm_has_found() -> None:\n"
         f"    weather = Weather(\n{given}    )\n"
         "    assert played_twice(weather).broken == {}\n"

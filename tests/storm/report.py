@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from config.units import article
-from missions.testing.storm.invariants import INVARIANTS
-from missions.testing.storm.play import AGAIN, Outcome
+from tests.storm.invariants import INVARIANTS
+from tests.storm.play import AGAIN, Outcome
 
 OTHERS = {
     "same_again": f"the same seed gives the same events, to the byte (every {AGAIN}th seed)",

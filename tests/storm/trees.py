@@ -8,7 +8,7 @@ from typing import Any
 from behaviours.catalogue import LEAVES as KNOWN
 from behaviours.leaf import Leaf
 from drivers.api.kinds import SEVERAL
-from missions.testing.storm.leaves import (
+from tests.storm.leaves import (
     CARELESS,
     GOALS,
     LEFT,
