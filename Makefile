@@ -72,7 +72,7 @@ payloads: $(OTHERS_STAMP) ## a million payloads of ROS 2 that chance has changed
 	PAYLOADS=$(or $(PAYLOADS),1000000) $(BIN)/pytest -q -n 0 --durations 1 --timeout 0 tests/drivers/ros2/test_ros2_noise.py
 
 storm: $(STAMP) ## 2000 random missions under random faults; SEEDS=20000 FIRST=1 for more, or others
-	$(BIN)/mission storm --seeds $(or $(SEEDS),2000) --first $(or $(FIRST),1)
+	$(BIN)/python -m tests.storm --seeds $(or $(SEEDS),2000) --first $(or $(FIRST),1)
 
 planted: $(STAMP) ## plant faults in a copy of the code, and tell with how many seeds the storm finds each; SEEDS=150 FIRST=500000
 	$(BIN)/python -m tests.planted --seeds $(or $(SEEDS),150) --first $(or $(FIRST),500000)

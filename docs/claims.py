@@ -44,7 +44,7 @@ CLAIMS = (
     Claim(
         "storm",
         "all promises below hold, whatever a seed draws",
-        "mission storm --seeds 2000",
+        "python -m tests.storm --seeds 2000",
         "twins in simulated time: no wire, no server, no page",
     ),
     Claim(

@@ -45,7 +45,6 @@ GROUPS = {
         "test": "Play the tests of missions, in simulated time.",
         "sweep": "Run a mission many times in simulated time: how often it succeeds, and why not.",
         "fault": "Let something go wrong with a run in simulated time, while it goes on.",
-        "storm": "Play missions by chance under faults by chance; say which promise broke, and with which seed.",
         "verify": "Prove that missions can end, stop cleanly and keep their promises.",
         "gait": "Look at gaits of robots with legs, check them, and make new ones of them.",
         "controller": "Show how behaviours track, and compare controllers side by side.",

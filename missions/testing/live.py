@@ -1,4 +1,4 @@
-"""Mishaps that are told a run while it goes on, or a storm before: the words of test files, without a file."""
+"""Mishaps that are told a run while it goes on: the words of test files, without a file."""
 
 from collections.abc import Iterator
 

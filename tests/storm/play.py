@@ -19,11 +19,11 @@ from missions.order import RunRequest
 from missions.runner import Runner
 from missions.testing.live import read_live
 from missions.testing.mishaps import Mishap
+from missions.testing.trouble import Trouble
 from tests.storm.invariants import ALL_REST, broken
 from tests.storm.record import StormRecord
 from tests.storm.weather import LEAVES, Weather, draw
 from tests.storm.witness import Witness
-from missions.testing.trouble import Trouble
 
 AGAIN = 4
 """Of so many seeds, one is run twice: all must happen again, to the byte."""

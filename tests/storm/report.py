@@ -1,8 +1,7 @@
-"""What a storm comes to: how often each fault struck, what broke and how to see it again; as text and as data."""
+"""Tables of a storm: how often each fault struck, which promises broke, and the command that repeats it."""
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any
 
 from config.units import article
 from tests.storm.invariants import INVARIANTS
@@ -40,19 +39,8 @@ def report(outcomes: Sequence[Outcome], wall: float) -> str:
     for each in failed:
         for name, what in each.broken.items():
             lines.append(f"\nseed {each.weather.seed} breaks {name}: {what.strip().splitlines()[-1]}")
-        lines.append(f"  try: mission storm --seed {each.weather.seed} --shrink")
+        lines.append(f"  try: python -m tests.storm --seed {each.weather.seed} --shrink")
     return "\n".join(lines)
-
-
-def as_data(outcomes: Sequence[Outcome], wall: float) -> dict[str, Any]:
-    """Return the same for other programs."""
-    return {
-        "seeds": len(outcomes),
-        "seconds": round(sum(each.seconds for each in outcomes), 3),
-        "wall": round(wall, 1),
-        "struck": dict(struck(outcomes)),
-        "broken": [{"seed": each.weather.seed, **each.broken} for each in outcomes if each.broken],
-    }
 
 
 def schedule(outcome: Outcome) -> str:

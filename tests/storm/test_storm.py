@@ -21,15 +21,15 @@ from drivers.errors import DeviceFault
 from drivers.sim.twins.joints import JointsTwin
 from missions.executive.asked import Decided
 from missions.executive.executive import Executive
+from tests import planted
 from tests.storm import invariants
+from tests.storm.__main__ import command
 from tests.storm.others import OTHERS, others_of
 from tests.storm.play import Outcome, play, play_seed, played_twice
 from tests.storm.shrink import as_test, shrunk
 from tests.storm.trees import Trees
 from tests.storm.weather import Weather, draw, faults_of
 from tests.storm.witness import Witness
-from tests import planted
-from tests.missions.command import command
 
 SEEDS = range(1, 21)
 """A breath of it: `make storm` has the rest."""
@@ -247,17 +247,23 @@ def test_what_broke_is_written_as_a_test_that_fails_for_as_long() -> None:
     test()
 
 
+def storm(*arguments: str) -> int:
+    """Run ``python -m tests.storm`` with these arguments in this process; return its exit code."""
+    code: int = command.main(list(arguments), standalone_mode=False)
+    return code
+
+
 def test_a_replay_tells_the_schedule(capsys: pytest.CaptureFixture[str]) -> None:
-    told = command(capsys, "storm", "--seed", "2")
-    assert told.code == 0
-    assert all(words in told.out for words in draw(2).faults)
+    assert storm("--seed", "2") == 0
+    out = capsys.readouterr().out
+    assert all(words in out for words in draw(2).faults)
 
 
 def test_the_table_tells_what_struck_and_what_held(capsys: pytest.CaptureFixture[str]) -> None:
-    told = command(capsys, "storm", "--seeds", "3", "--jobs", "1")
-    assert told.code == 0
-    assert told.out.startswith("3 seeds, ")
-    assert "held  at_rest: the base is at rest 0.7 s after the end" in told.out
+    assert storm("--seeds", "3", "--jobs", "1") == 0
+    out = capsys.readouterr().out
+    assert out.startswith("3 seeds, ")
+    assert "held  at_rest: the base is at rest 0.7 s after the end" in out
 
 
 @pytest.mark.usefixtures("no_bumps")
@@ -265,12 +271,11 @@ def test_a_seed_that_breaks_something_is_told_with_what_to_type(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("tests.storm.play.draw", lambda _: weather(*FAULTS))
-    told = command(capsys, "storm", "--seeds", "1", "--first", "7", "--jobs", "1")
-    assert told.code == 1
-    assert "seed 7 breaks no_bumps: it bumped\n  try: mission storm --seed 7 --shrink" in told.out
+    assert storm("--seeds", "1", "--first", "7", "--jobs", "1") == 1
+    out = capsys.readouterr().out
+    assert "seed 7 breaks no_bumps: it bumped\n  try: python -m tests.storm --seed 7 --shrink" in out
     written = tmp_path / "test_storm_7.py"
-    told = command(capsys, "storm", "--seed", "7", "--shrink", "--output", str(written))
-    assert told.code == 1
+    assert storm("--seed", "7", "--shrink", "--output", str(written)) == 1
     assert "base bumped left at 2 s" in written.read_text()
 
 
@@ -282,7 +287,6 @@ def test_a_storm_that_is_interrupted_tells_what_was_played_so_far(
         yield play_seed(2)
         signal.raise_signal(number)
 
-    monkeypatch.setattr("missions.cli.storm._played", played)
-    told = command(capsys, "storm", "--seeds", "20000")
-    assert told.code == 130
-    assert told.out.startswith("1 seeds, ")
+    monkeypatch.setattr("tests.storm.__main__.play_all", played)
+    assert storm("--seeds", "20000") == 130
+    assert capsys.readouterr().out.startswith("1 seeds, ")
