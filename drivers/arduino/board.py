@@ -4,8 +4,9 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
+from enum import Enum, auto
 from threading import RLock
-from typing import Protocol
+from typing import Final, Protocol
 
 from drivers.absence import Absence
 from drivers.api import Away, DeviceStatus, Health, Quality, Reading, Report, ignore
@@ -13,7 +14,7 @@ from drivers.api.quick import dataclass
 from drivers.arduino import wire
 from drivers.arduino.memory import Memory
 from drivers.arduino.session import Session
-from drivers.arduino.vigil import Life
+from drivers.arduino.vigil import BootState
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.guard import guarded
@@ -25,6 +26,31 @@ often than that."""
 
 STALE = 0.5
 """Seconds after which what the encoders measured is stale: the sketch says it every 50 ms."""
+
+
+class ServoKnowledge(Enum):
+    """How a ``Board`` knows where its servos stand."""
+
+    NONE = auto()  # the board has not answered yet
+    FROM_SKETCH = auto()  # it has reset: they stand where its sketch puts them
+    FROM_MEMORY = auto()  # it has been running: they stand where this program, or one before, left them
+    LOST = auto()  # a reset is possible: the board is latched
+
+
+TRANSITIONS: Final = {
+    (ServoKnowledge.NONE, BootState.UNCHANGED): ServoKnowledge.FROM_MEMORY,
+    (ServoKnowledge.NONE, BootState.UNKNOWN): ServoKnowledge.FROM_MEMORY,
+    (ServoKnowledge.NONE, BootState.RESET): ServoKnowledge.FROM_SKETCH,
+    (ServoKnowledge.FROM_SKETCH, BootState.UNCHANGED): ServoKnowledge.FROM_SKETCH,
+    (ServoKnowledge.FROM_SKETCH, BootState.UNKNOWN): ServoKnowledge.LOST,
+    (ServoKnowledge.FROM_SKETCH, BootState.RESET): ServoKnowledge.FROM_SKETCH,
+    (ServoKnowledge.FROM_MEMORY, BootState.UNCHANGED): ServoKnowledge.FROM_MEMORY,
+    (ServoKnowledge.FROM_MEMORY, BootState.UNKNOWN): ServoKnowledge.LOST,
+    (ServoKnowledge.FROM_MEMORY, BootState.RESET): ServoKnowledge.FROM_SKETCH,
+    (ServoKnowledge.LOST, BootState.UNCHANGED): ServoKnowledge.LOST,
+    (ServoKnowledge.LOST, BootState.UNKNOWN): ServoKnowledge.LOST,
+    (ServoKnowledge.LOST, BootState.RESET): ServoKnowledge.FROM_SKETCH,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,9 +127,9 @@ class Board:
         self._sent: dict[int, int] = {}  # the degrees that each servo was sent last, as far as that holds
         self._servos = 0  # how many it is to be known of
         self._assumed: set[int] = set()  # servos whose angles are a guess until they are sent one
-        self._met = False  # its servos were known once
+        self._knowledge = ServoKnowledge.NONE
         self._unkept = False  # angles were sent since they were kept last
-        self.began: Life | None = None
+        self.began: BootState | None = None
         """What the board had done when it was met first; None before that."""
 
     @property
@@ -150,7 +176,7 @@ class Board:
     def sure(self) -> bool:
         """Whether angles may be sent now: it is sure that the board has not begun anew."""
         session = self._session
-        return session is not None and session.life is None and session.vigil.sure(self._clock.now())
+        return session is not None and session.boot_state is None and session.detector.is_fresh(self._clock.now())
 
     def require(self) -> None:
         """Raise NotConnected, with what is missing and what to try, unless the board takes angles.
@@ -201,7 +227,7 @@ class Board:
             self._clock,
             self._report,
             boot_delay=self._boot_delay,
-            before=None if before is None else before.vigil,
+            previous=None if before is None else before.detector,
         )
         if before is not None:
             self._past.update(before.counters())
@@ -223,21 +249,22 @@ class Board:
             self._lose()
             return None
         with self._lock:
-            now, life, session.life = self._clock.now(), session.life, None
-            if self._absence.heard(now, anew=life is Life.ANEW) and life is not Life.ANEW:
+            now, boot_state, session.boot_state = self._clock.now(), session.boot_state, None
+            was_reset = boot_state is BootState.RESET
+            if self._absence.heard(now, anew=was_reset) and not was_reset:
                 self._lose()
-            if life is not None:
-                self._settle(life, session)
+            if boot_state is not None:
+                self._settle(boot_state, session)
             rests = self._send(session, session.topic, self._devices)
             if self._unkept:
                 self._remember()
-            dozes = rests and session.vigil.asked_at is None and not session.later
-            session.vigil.dozing = min(DOZE, self._absence.shortest / 3) if dozes else 0.0
-        return session.vigil.dozing
+            dozes = rests and not session.detector.probe_pending and not session.later
+            session.detector.idle_period = min(DOZE, self._absence.shortest / 3) if dozes else 0.0
+        return session.detector.idle_period
 
     def ending(self) -> None:
         """Tell the board to stop sending, and remember where it was left."""
-        if self._met:
+        if self._knowledge is not ServoKnowledge.NONE:
             self._remember()
         self._link.write(wire.STOP_SENDING)
 
@@ -250,21 +277,21 @@ class Board:
             else:
                 self._remembered.forget()
 
-    def _settle(self, life: Life, session: Session) -> None:
-        """Take account of what the board has done."""
-        left = self._remembered.take() if self._remembered is not None and not self._met else {}
-        known = True
-        if life is Life.ANEW:
-            self._sent = {}
-        elif self._met:
-            if life is Life.FORGOTTEN:
-                unknown = "nobody knows whether its board has started anew, and where its servos stand"
-                self._absence.latch(unknown, graver=True)
-                self._lose()
-                self._sent = {}  # the next program is not to believe it
-                self._remember()
+    def _settle(self, boot_state: BootState, session: Session) -> None:
+        """Set the angles of the servos after an answer of the board, or latch where nobody knows them."""
+        before, self._knowledge = self._knowledge, TRANSITIONS[self._knowledge, boot_state]
+        if boot_state is BootState.UNCHANGED and before is not ServoKnowledge.NONE:
             return
-        else:
+        if self._knowledge is ServoKnowledge.LOST:
+            unknown = "nobody knows whether its board has started anew, and where its servos stand"
+            self._absence.latch(unknown, graver=True)
+            self._lose()
+            self._sent = {}  # the next program is not to believe it
+            self._remember()
+            return
+        left = self._remembered.take() if self._remembered is not None and before is ServoKnowledge.NONE else {}
+        known, self._sent = True, {}
+        if self._knowledge is ServoKnowledge.FROM_MEMORY:
             self._sent = left
             known = self._remembered is None or all(device.servos <= left.keys() for device in self._devices)
             if not known:
@@ -273,8 +300,7 @@ class Board:
                 )
                 cure = "keep clear of it now; from then on let one program alone move it, and end that in good order"
                 self._report(DeviceStatus(self.name, "fault", what, cure))
-        self.began = self.began or life
-        self._met = True
+        self.began = self.began or boot_state
         self._sent = {
             index: angle
             for device in self._devices
@@ -290,9 +316,9 @@ class Board:
         Say whether it rests: nothing is to be sent, and nothing was a moment ago.
         """
         now = self._clock.now()
-        if not self._met:
+        if self._knowledge is ServoKnowledge.NONE:
             return False
-        if not session.vigil.sure(now):
+        if not session.detector.is_fresh(now):
             waiting = [device.waits(now) for device in devices]
             if any(waiting):
                 session.reassure()
@@ -302,7 +328,7 @@ class Board:
             self._sent.update((angle.index, angle.angle) for angle in angles)
             self._assumed.difference_update(angle.index for angle in angles)
             self._unkept = True
-            session.vigil.sent(len(angles), now)
+            session.detector.on_setpoints_sent(len(angles), now)
             self._write(topic, angles)
         return False
 

@@ -5,7 +5,7 @@ from collections import Counter
 
 from drivers.api import DeviceStatus, Quality, Reading, Report
 from drivers.arduino import wire
-from drivers.arduino.vigil import Life, Vigil
+from drivers.arduino.vigil import BootState, DetectorState, ResetDetector
 from drivers.clock import Clock
 from drivers.link import Link
 
@@ -31,8 +31,8 @@ class Session:
     ``topic`` is the number by which the board knows the ``wanted`` topic: None until it has said so, when it means
     something else by it, and once it has fallen silent.
     ``tacho`` is the newest that its encoders have measured, on the clock's time; the first sketch has none.
-    ``life`` is set whenever the board has said whether it has begun anew; who has taken account of it clears it.
-    ``vigil`` says whether it is sure that it has not: it is asked on opening the port, which resets most boards, and
+    ``boot_state`` is set whenever the board has said whether it has begun anew; who has taken account of it clears it.
+    ``detector`` says whether it is sure that it has not: it is asked on opening the port, which resets most boards, and
     one that is starting does not answer; then it has ``boot_delay`` seconds until it is asked again.
     The board is told the clock's own time: a monotonic one, not the time of day.
     """
@@ -46,11 +46,11 @@ class Session:
         report: Report,
         *,
         boot_delay: float,
-        before: Vigil | None = None,
+        previous: ResetDetector | None = None,
     ) -> None:
         self.topic: int | None = None
-        self.life: Life | None = None
-        self.vigil = Vigil(before)
+        self.boot_state: BootState | None = None
+        self.detector = ResetDetector(previous)
         self.tacho: Reading[wire.Tacho] = Reading(None, -math.inf, Quality.NONE)
         self._name = name
         self._wanted = wanted
@@ -75,19 +75,19 @@ class Session:
     def received(self, data: bytes) -> None:
         """Take bytes of the board, and answer what it asks. Raises NotConnected when the port has gone."""
         self._heard = now = self._clock.now()
-        self.vigil.look(now)
+        self.detector.on_poll(now)
         self._take(self._finder.feed(data))
 
     def pulse(self) -> None:
         """Do what is due: ask for the topics, notice silence. Raises NotConnected when the port has gone."""
         now = self._clock.now()
-        self.vigil.look(now)
+        self.detector.on_poll(now)
         if self._awake is None:
             self._awake = now + self._boot_delay
             self._probe(now)
         if self._finder.waiting and now - self._heard > FRAME_TIMEOUT:
             self._take(self._finder.give_up())
-        if self.vigil.overdue(now) and self.topic is not None:
+        if self.detector.check_timeout(now) and self.topic is not None:
             self.topic = None
             self._topics.clear()
             silence = f"the board does not answer, and has not asked for the time for {now - self._synced:.1f} s"
@@ -106,13 +106,13 @@ class Session:
 
     def reassure(self) -> None:
         """Ask the board whether it has begun anew, unless it is about to tell. Raises NotConnected."""
-        now, vigil = self._clock.now(), self.vigil
-        tells = vigil.expects(now) or (self.later and now - self._encoded <= TACHO_SILENT)
-        if vigil.doubtful or not tells:
+        now, detector = self._clock.now(), self.detector
+        tells = detector.expects_ack(now) or (self.later and now - self._encoded <= TACHO_SILENT)
+        if detector.state is DetectorState.SUSPECT or not tells:
             self._doubt()
 
     def _doubt(self) -> None:
-        if self.vigil.asked_at is None:
+        if not self.detector.probe_pending:
             self._probe(self._clock.now())
 
     def trouble(self) -> tuple[str, str]:
@@ -139,7 +139,7 @@ class Session:
     def _probe(self, now: float) -> None:
         self._asked = now
         self._counters["requests"] += 1
-        self.vigil.probed(now)
+        self.detector.on_probe_sent(now)
         self._link.write(wire.PROBE)
 
     def _take(self, frames: list[wire.Frame]) -> None:
@@ -155,7 +155,7 @@ class Session:
             case wire.TIME:
                 self._synced = self._clock.now()
                 self._counters["times"] += 1
-                again = self.vigil.questioned(self._synced)
+                again = self.detector.on_time_request(self._synced)
                 self._link.write(wire.Frame(wire.TIME, wire.Time(self._synced).pack()).pack())
                 if again:
                     self._doubt()
@@ -171,7 +171,7 @@ class Session:
                 self._counters["unknown topics"] += 1
                 self._ask(self._clock.now())
             case number if self._topics.get(number) == wire.TACHO:
-                self.vigil.published()
+                self.detector.on_encoder_message()
                 self._encoded = self._clock.now()
                 self.tacho = Reading(wire.Tacho.unpack(frame.data), self._clock.now(), Quality.GOOD)
                 self._counters["tachos"] += 1
@@ -182,11 +182,11 @@ class Session:
         if info.topic.name != self._wanted.name:
             return
         if info.topic == self._wanted:
-            now, asked = self._clock.now(), self.vigil.asked_at is not None
-            self.life = self.vigil.answered(now)
+            now, asked = self._clock.now(), self.detector.probe_pending
+            self.boot_state = self.detector.on_answer(now)
             if self.topic is not None and not asked and now - self._asked > ASK_AGAIN:
-                self.life = Life.ANEW  # nobody had asked: it is telling a newcomer, as after a reset
-            if self.topic is not None and self.life is Life.ANEW:
+                self.boot_state = BootState.RESET  # nobody had asked: it is telling a newcomer, as after a reset
+            if self.topic is not None and self.boot_state is BootState.RESET:
                 self._report(
                     DeviceStatus(self._name, "fault", "the board has started anew", "look at its power supply")
                 )
@@ -209,7 +209,7 @@ class Session:
             self._report(DeviceStatus(self._name, "fault", _other(topic, wire.TACHO), cure))
 
     def _log(self, line: wire.Log) -> None:
-        self.vigil.acknowledged()
+        self.detector.on_log_line()
         self._counters["log lines"] += 1
         if line.level >= WARNING:
             self._report(DeviceStatus(self._name, "fault", f"the board says: {line.text}"))

@@ -12,7 +12,7 @@ from config.editing import NotEditableError
 from drivers.api import HeadPose
 from drivers.arduino.declared import ServoKeys
 from drivers.arduino.driver import ArduinoHead
-from drivers.arduino.vigil import Life
+from drivers.arduino.vigil import BootState
 from drivers.dynamixel.declared import NeckJointKeys
 from drivers.pantilt import AHEAD
 from missions.assembly.lags import ENOUGH
@@ -28,10 +28,10 @@ from missions.library.tuning import check_keepable
 from missions.library.tuning import keep as keep_values
 from perception.delay import STEADY
 
-STARTED: Mapping[Life, str] = MappingProxyType(
+STARTED: Mapping[BootState, str] = MappingProxyType(
     {
-        Life.ANEW: "opening its port has started its board anew: that is where its sketch puts the head",
-        Life.FORGOTTEN: "its board does not tell: that is where it was left, or else where its sketch puts the head",
+        BootState.RESET: "opening its port has started its board anew: that is where its sketch puts the head",
+        BootState.UNKNOWN: "its board does not tell: that is where it was left, or else where its sketch puts the head",
     }
 )
 """How a Rodney head knows where it looks; a board in step with a program before us is as one that has forgotten it."""
@@ -78,7 +78,7 @@ def center(robot: str | None, simulate: bool, port: str | None, head: str) -> in
 def where(robot: str | None, simulate: bool, port: str | None, head: str, as_json: bool) -> int:
     """Say where the head looks, how far it turns, and how it is trimmed. Turns nothing."""
     with opened(robot, simulate=simulate, port=port, head=head, stay=True) as bench:
-        if isinstance(bench.head, ArduinoHead) and (began := STARTED.get(bench.head.board.began or Life.FORGOTTEN)):
+        if isinstance(bench.head, ArduinoHead) and (began := STARTED.get(bench.head.board.began or BootState.UNKNOWN)):
             click.echo(began, err=True)
         axes = bench.where()
         rates = bench.head.board.wheels().value if isinstance(bench.head, ArduinoHead) else None

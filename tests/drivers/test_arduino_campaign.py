@@ -13,7 +13,7 @@ from drivers.api import DeviceStatus, HeadPose, Health
 from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
-from drivers.arduino.vigil import FORGETS, FRESH
+from drivers.arduino.vigil import MAX_PROOF_AGE, SESSION_TIMEOUT
 from drivers.clock import ManualClock
 from drivers.errors import DriverError, NotConnected
 from drivers.link import Link, Talker
@@ -24,7 +24,7 @@ from tests.tries import tries
 SPEED = 120
 """Degrees per second, as in the robot files."""
 
-RAMP = SPEED * (FRESH + CATCH_UP) + 2
+RAMP = SPEED * (MAX_PROOF_AGE + CATCH_UP) + 2
 """The widest step in degrees: what the ramp covers between two proofs, in whole degrees."""
 
 KERNEL = 4095
@@ -157,7 +157,7 @@ class Trial:
             self.line.passes(begins, served=False)
             self.device.reset(self.clock.now())
             self.told["resets while it stalls"] += 1
-            self.hidden |= begins > FORGETS - 1.0
+            self.hidden |= begins > SESSION_TIMEOUT - 1.0
             seconds -= begins
         self.line.passes(seconds, served=False)
 
