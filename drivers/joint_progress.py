@@ -4,7 +4,9 @@ It compares where a joint is sent with where it is measured. A joint that is giv
 then its motor no longer pushes, and the limb does not fall.
 """
 
+from enum import Enum
 from math import radians
+from typing import Final
 
 from drivers.errors import DeviceFault
 
@@ -38,34 +40,76 @@ LONGEST_GAP = 0.25
 HINT = "free the joint; if nothing holds it, look at its cable and its sensor"
 
 
-class JointProgress:
-    """Watches one joint by its readings, in radians and seconds. For one thread at a time.
+class ProgressState(Enum):
+    """State of a ``JointProgress``."""
 
-    ``title`` is the name of the joint in messages. ``blocked`` says why it was given up, as long as it is.
-    ``runs_away`` is True for one that turned the wrong way, and goes on when it is held: its driver has to let go of
-    it, or to say that it cannot.
+    LIMP, MOVING, HOLDING, BLOCKED = range(4)
+    WRONG_WAY = 4  # given up after it turned the wrong way
+    WATCHED = 5  # held after that: it may run away
+    RUNAWAY = 6  # given up again after it left the place where it was held
+
+
+class ProgressEvent(Enum):
+    """Event of a ``JointProgress``; HERE is a command to the goal where it stands."""
+
+    COMMAND, HERE, HOLD, RELAX, ARRIVE, BLOCK, TURN_WRONG, RUN_AWAY = range(8)
+
+
+TRANSITIONS: Final = {
+    **{(state, ProgressEvent.RELAX): ProgressState.LIMP for state in ProgressState},
+    (ProgressState.LIMP, ProgressEvent.COMMAND): ProgressState.MOVING,
+    (ProgressState.LIMP, ProgressEvent.HOLD): ProgressState.HOLDING,
+    (ProgressState.MOVING, ProgressEvent.COMMAND): ProgressState.MOVING,
+    (ProgressState.MOVING, ProgressEvent.HOLD): ProgressState.HOLDING,
+    (ProgressState.MOVING, ProgressEvent.ARRIVE): ProgressState.HOLDING,
+    (ProgressState.MOVING, ProgressEvent.BLOCK): ProgressState.BLOCKED,
+    (ProgressState.MOVING, ProgressEvent.TURN_WRONG): ProgressState.WRONG_WAY,
+    (ProgressState.HOLDING, ProgressEvent.COMMAND): ProgressState.MOVING,
+    (ProgressState.HOLDING, ProgressEvent.HERE): ProgressState.HOLDING,
+    (ProgressState.HOLDING, ProgressEvent.HOLD): ProgressState.HOLDING,
+    (ProgressState.HOLDING, ProgressEvent.ARRIVE): ProgressState.HOLDING,
+    (ProgressState.BLOCKED, ProgressEvent.HOLD): ProgressState.HOLDING,
+    (ProgressState.WRONG_WAY, ProgressEvent.HOLD): ProgressState.WATCHED,
+    (ProgressState.WRONG_WAY, ProgressEvent.RUN_AWAY): ProgressState.RUNAWAY,
+    (ProgressState.WATCHED, ProgressEvent.COMMAND): ProgressState.MOVING,
+    (ProgressState.WATCHED, ProgressEvent.HERE): ProgressState.HOLDING,
+    (ProgressState.WATCHED, ProgressEvent.HOLD): ProgressState.WATCHED,
+    (ProgressState.WATCHED, ProgressEvent.ARRIVE): ProgressState.WATCHED,
+    (ProgressState.WATCHED, ProgressEvent.RUN_AWAY): ProgressState.RUNAWAY,
+    (ProgressState.RUNAWAY, ProgressEvent.HOLD): ProgressState.WATCHED,
+}
+"""Any other pair changes nothing: a joint that was given up stays so until it is held or relaxed."""
+
+
+class JointProgress:
+    """Progress of one joint by its readings, in radians and seconds. For one thread at a time.
+
+    ``title`` is the name of the joint in messages. ``blocked`` is the reason for which it was given up, while it is.
     """
 
     def __init__(self, title: str) -> None:
         self.title = title
         self.blocked = ""
-        self.runs_away = False
-        self._goal: float | None = None
-        self._settled: float | None = None  # the goal at which it has arrived
+        self.state = ProgressState.LIMP
+        self._goal = self._settled = 0.0  # settled: the goal at which it has arrived
         self._blocked_at = 0.0
-        self._left_at: float | None = None  # where it is held since it turned the wrong way
+        self._left_at = 0.0  # where it is held since it turned the wrong way
         self._speed = self._commanded_at = self._stamp = 0.0
-        self._arrived = True
-        self._away = False  # it does not stay where it holds
+        self._pushed = False  # away from where it holds, and that was reported
         self._direction = 0  # in which the goal lies, once it is too far away
         self._front = self._mark = 0.0  # how far it has come in that direction; and where progress was counted last
         self._front_at = self._near = 0.0
         self._stood = self._patience = 0.0  # seconds without progress, and the share of what it is given at its speed
 
     @property
+    def runs_away(self) -> bool:
+        """Whether it turned the wrong way, and goes on although it is held: its driver has to let go of it."""
+        return self.state is ProgressState.RUNAWAY
+
+    @property
     def active(self) -> bool:
         """True while it is under way, or was given up: while readings matter."""
-        return self._left_at is not None or (self._goal is not None and not self._arrived)
+        return self.state not in {ProgressState.LIMP, ProgressState.HOLDING}
 
     def permit(self, goal: float, now: float) -> None:
         """Raise DeviceFault for a goal that is blocked; a goal on the other side, or after a while, is permitted.
@@ -75,7 +119,7 @@ class JointProgress:
         if not self.blocked:
             return
         waited, self._commanded_at = now - self._commanded_at, now
-        back = self._left_at is None and (goal - self._blocked_at) * self._direction < 0
+        back = self.state is ProgressState.BLOCKED and (goal - self._blocked_at) * self._direction < 0
         if waited > RETRY_AFTER or back:
             self.hold(None)
         else:
@@ -83,52 +127,61 @@ class JointProgress:
 
     def command(self, goal: float, speed: float, now: float) -> None:
         """Expect it to go to ``goal`` at ``speed`` (rad/s) at most."""
-        if self._arrived and (self._settled is None or abs(goal - self._settled) > RESOLUTION):
-            self._arrived = False
+        stands = self.state in {ProgressState.HOLDING, ProgressState.WATCHED}
+        stays = stands and abs(goal - self._settled) <= RESOLUTION
+        if (stands and not stays) or self.state is ProgressState.LIMP:
             self._restart()
-        self._goal, self._speed, self._commanded_at, self._left_at = goal, speed, now, None
+        self._handle(ProgressEvent.HERE if stays else ProgressEvent.COMMAND)
+        self._goal, self._speed, self._commanded_at = goal, speed, now
 
     def hold(self, place: float | None) -> None:
         """Expect it to stay at ``place``, None for a limp joint; nothing is blocked any more.
 
         A joint that turned the wrong way is still watched: it may run away from there.
         """
-        self._left_at = None if self._left_at is None else place
-        self.blocked, self.runs_away = "", False
-        self._goal = self._settled = place
-        self._arrived = True
+        self.blocked = ""
+        self._handle(ProgressEvent.RELAX if place is None else ProgressEvent.HOLD)
+        if place is not None:
+            self._goal = self._settled = self._left_at = place
         self._restart()
 
     def look(self, here: float, load: float, stamp: float) -> str:
         """Take a reading; return what is new: why it is given up, or that it was pushed away from where it holds."""
         passed, self._stamp = min(max(stamp - self._stamp, 0.0), LONGEST_GAP), max(stamp, self._stamp)
-        if self._left_at is not None and not self.runs_away and abs(here - self._left_at) > WRONG_WAY:
-            self.runs_away = True
+        held = self.state in {ProgressState.WRONG_WAY, ProgressState.WATCHED}
+        if held and abs(here - self._left_at) > WRONG_WAY:
+            self._handle(ProgressEvent.RUN_AWAY)
             self._blocked_at = here
             said = f"{self.title}: runs away from {self._left_at:.2f} rad, where it is held"
             self.blocked = self.blocked or said
             return said
-        if self._goal is None or self.blocked:
+        if self.state is ProgressState.LIMP or self.blocked:
             return ""
         error = self._goal - here
         loaded = abs(load) >= FULL_LOAD
-        if abs(error) <= (LOADED_TOLERANCE if loaded and not self._arrived else TOLERANCE):
+        if abs(error) <= (LOADED_TOLERANCE if loaded and self.state is ProgressState.MOVING else TOLERANCE):
             self._near += passed
             if self._near >= SETTLED:
-                self._arrived, self._settled = True, self._goal
+                self._handle(ProgressEvent.ARRIVE)
+                self._settled = self._goal
                 self._restart()
             return ""
         self._near = 0.0
         self._advance(here, 1 if error > 0 else -1, passed)
-        if self._arrived:
+        if self.state is not ProgressState.MOVING:
             return self._pushed_away(here)
         away = (self._front - here) * self._direction
         if away > WRONG_WAY and stamp - self._front_at >= WRONG_WAY_AFTER:
             self._left_at = here
+            self._handle(ProgressEvent.TURN_WRONG)
             return self._give_up(here, f"turned the wrong way, from {self._front:.2f} to {here:.2f} rad", load)
         if self._patience >= 1.0:
+            self._handle(ProgressEvent.BLOCK)
             return self._give_up(here, f"stands at {here:.2f} rad since {self._stood:.1f} s: blocked?", load)
         return ""
+
+    def _handle(self, event: ProgressEvent) -> None:
+        self.state = TRANSITIONS.get((self.state, event), self.state)
 
     def _advance(self, here: float, direction: int, passed: float) -> None:
         """Take in how far it is on its way."""
@@ -145,9 +198,9 @@ class JointProgress:
 
     def _pushed_away(self, here: float) -> str:
         """Say, once until it is back, that it does not stay where it holds."""
-        if self._patience < 1.0 or self._away:
+        if self._patience < 1.0 or self._pushed:
             return ""
-        self._away = True
+        self._pushed = True
         return f"{self.title}: holds {self._goal:.2f} rad, stands at {here:.2f} rad: pushed away, or overloaded?"
 
     def _give_up(self, here: float, why: str, load: float) -> str:
@@ -158,5 +211,5 @@ class JointProgress:
 
     def _restart(self) -> None:
         """Count from the next reading on."""
-        self._direction, self._away = 0, False
+        self._direction, self._pushed = 0, False
         self._near = self._stood = self._patience = 0.0

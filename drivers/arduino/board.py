@@ -38,18 +38,11 @@ class ServoKnowledge(Enum):
 
 
 TRANSITIONS: Final = {
+    **{(state, BootState.UNCHANGED): state for state in ServoKnowledge},
+    **{(state, BootState.UNKNOWN): ServoKnowledge.LOST for state in ServoKnowledge},
+    **{(state, BootState.RESET): ServoKnowledge.FROM_SKETCH for state in ServoKnowledge},
     (ServoKnowledge.NONE, BootState.UNCHANGED): ServoKnowledge.FROM_MEMORY,
     (ServoKnowledge.NONE, BootState.UNKNOWN): ServoKnowledge.FROM_MEMORY,
-    (ServoKnowledge.NONE, BootState.RESET): ServoKnowledge.FROM_SKETCH,
-    (ServoKnowledge.FROM_SKETCH, BootState.UNCHANGED): ServoKnowledge.FROM_SKETCH,
-    (ServoKnowledge.FROM_SKETCH, BootState.UNKNOWN): ServoKnowledge.LOST,
-    (ServoKnowledge.FROM_SKETCH, BootState.RESET): ServoKnowledge.FROM_SKETCH,
-    (ServoKnowledge.FROM_MEMORY, BootState.UNCHANGED): ServoKnowledge.FROM_MEMORY,
-    (ServoKnowledge.FROM_MEMORY, BootState.UNKNOWN): ServoKnowledge.LOST,
-    (ServoKnowledge.FROM_MEMORY, BootState.RESET): ServoKnowledge.FROM_SKETCH,
-    (ServoKnowledge.LOST, BootState.UNCHANGED): ServoKnowledge.LOST,
-    (ServoKnowledge.LOST, BootState.UNKNOWN): ServoKnowledge.LOST,
-    (ServoKnowledge.LOST, BootState.RESET): ServoKnowledge.FROM_SKETCH,
 }
 
 

@@ -3,8 +3,9 @@
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from enum import Enum
 from threading import Lock
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 
@@ -27,6 +28,29 @@ CLIP_TIMEOUT = 10.0
 
 START = 60.0
 """The same to get ready: large models of Vosk are slow to load."""
+
+
+class RecogniserState(Enum):
+    """State of the recogniser's process: it loads its model, waits for a clip, or decodes one."""
+
+    ABSENT, STARTING, READY, DECODING = range(4)
+
+
+class RecogniserEvent(Enum):
+    """Event of the recogniser's process."""
+
+    STARTED, READY, CLIP_SENT, DECODED, LOST = range(5)
+
+
+TRANSITIONS: Final = {
+    **{(state, RecogniserEvent.STARTED): RecogniserState.STARTING for state in RecogniserState},
+    **{(state, RecogniserEvent.LOST): RecogniserState.ABSENT for state in RecogniserState},
+    (RecogniserState.STARTING, RecogniserEvent.READY): RecogniserState.READY,
+    (RecogniserState.READY, RecogniserEvent.READY): RecogniserState.READY,
+    (RecogniserState.DECODING, RecogniserEvent.READY): RecogniserState.DECODING,
+    (RecogniserState.READY, RecogniserEvent.CLIP_SENT): RecogniserState.DECODING,
+    (RecogniserState.DECODING, RecogniserEvent.DECODED): RecogniserState.READY,
+}
 
 
 class Talker(Protocol):
@@ -112,9 +136,9 @@ class Listener:
         self._number: int | None = None  # of the newest piece
         self._recent = np.zeros(0, np.int16)
         self._lock = Lock()  # over everything below
-        self._starting = self._ready = False
+        self._state = RecogniserState.ABSENT
         self._waiting: deque[Clip] = deque(maxlen=WAITING)
-        self._asked: tuple[int, Clip] | None = None
+        self._sent: Clip  # the newest clip that was sent
         self._since: float | None = None  # the time of the first sound after something was wanted of the recogniser
         self._count = 0
         self._accepted: deque[Words] = deque()
@@ -143,13 +167,13 @@ class Listener:
     @property
     def ready(self) -> bool:
         """True while the recogniser runs and knows what to listen for."""
-        return self._ready
+        return self._state in {RecogniserState.READY, RecogniserState.DECODING}
 
     @property
     def pending(self) -> bool:
         """True while something that was said is not understood yet."""
         with self._lock:
-            return bool(self._waiting) or self._asked is not None
+            return bool(self._waiting) or self._state is RecogniserState.DECODING
 
     # --- sound --------------------------------------------------------------------------------------------------------
 
@@ -165,7 +189,7 @@ class Listener:
         with self._lock:
             self._waiting.extend(clips)
             hangs = self._hangs(piece.end)
-            if self._ready and not hangs:
+            if self.ready and not hangs:
                 self._listened = piece.end
         if hangs:
             self._worker.kill()
@@ -174,49 +198,55 @@ class Listener:
 
     def _hangs(self, now: float) -> bool:
         """Say whether the recogniser has owed an answer for too long. Time is that of the sound."""
-        if not self._starting and self._asked is None:
+        if self._state not in {RecogniserState.STARTING, RecogniserState.DECODING}:
             return False
         if self._since is None:
             self._since = now
-        return now - self._since > (START if self._starting else CLIP_TIMEOUT)
+        return now - self._since > (START if self._state is RecogniserState.STARTING else CLIP_TIMEOUT)
 
     def _ask(self) -> None:
         """Have the oldest clip recognised, unless another is."""
         with self._lock:
-            if not self._ready or self._asked is not None or not self._waiting:
+            if self._state is not RecogniserState.READY or not self._waiting:
                 return
+            self._advance(RecogniserEvent.CLIP_SENT)
             self._count += 1
             self._since = None
-            asked = self._asked = (self._count, self._waiting.popleft())
+            number, clip = self._count, self._waiting.popleft()
+            self._sent = clip
         with suppress(OSError):  # it is dying, and ``lost`` follows
-            self._worker.send({"decode": asked[0]}, self._engine.sound(asked[1]), timeout=CLIP_TIMEOUT)
+            self._worker.send({"decode": number}, self._engine.sound(clip), timeout=CLIP_TIMEOUT)
+
+    def _advance(self, event: RecogniserEvent) -> None:
+        self._state = TRANSITIONS[self._state, event]
 
     # --- the worker's thread ------------------------------------------------------------------------------------------
 
     def started(self) -> None:
         """Tell a new process what to listen for."""
         with self._lock:
-            self._starting, self._ready, self._asked, self._since = True, False, None, None
+            self._advance(RecogniserEvent.STARTED)
+            self._since = None
         with suppress(OSError):  # it is dying, and ``lost`` follows
             self._worker.send(self._engine.instructions(), timeout=CLIP_TIMEOUT)
 
     def lost(self, why: str) -> None:  # noqa: ARG002 - the worker reports it
         """Forget what it was asked: nobody knows whether that was what killed it."""
         with self._lock:
-            self._starting, self._ready, self._asked = False, False, None
+            self._advance(RecogniserEvent.LOST)
 
     def received(self, message: Mapping[str, Any], body: bytes) -> None:  # noqa: ARG002 - none is sent
         """Take an answer, and ask for the next clip."""
         with self._lock:
-            asked = self._asked
             if "ready" in message:
-                self._starting, self._ready = False, True
-        if "decoded" in message and asked is not None and message["decoded"] == asked[0]:
+                self._advance(RecogniserEvent.READY)
+            decoded = self._state is RecogniserState.DECODING and message.get("decoded") == self._count
+        if decoded:
             try:
-                self._keep(*asked, *self._engine.judge(asked[1], message))
+                self._keep(self._count, self._sent, *self._engine.judge(self._sent, message))
             finally:
                 with self._lock:
-                    self._asked = None
+                    self._advance(RecogniserEvent.DECODED)
             self._changed()
         self._ask()
 

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from math import radians, sin, tau
 from random import Random
 
@@ -16,6 +17,7 @@ from drivers.joint_progress import BLOCKED_AFTER, RETRY_AFTER, WRONG_WAY, JointP
 from drivers.sim.twins.joints import JointsTwin
 from drivers.virtual.servo import VirtualServo
 from tests.drivers.test_dynamixel_silence import Quiet
+from tests.machines import walk
 from tests.tries import tries
 
 MODELS = ("AX-12A", "MX-28", "XL430-W250", "STS3215")
@@ -295,3 +297,36 @@ def test_seconds_without_readings_do_not_count() -> None:
     progress = JointProgress("joint a")
     progress.command(1.0, 1.0, 0.0)
     assert not any(progress.look(0.0, 0.0, now) for now in (0.1, 5.0, 10.0))
+
+
+class Handled:
+    """A joint that somebody pushes about, with a clock of its own."""
+
+    def __init__(self) -> None:
+        self.progress, self.now, self.here, self.goal = JointProgress("joint a"), 0.0, 0.0, 0.0
+
+    def command(self, chance: Random) -> None:
+        goal = chance.choice((self.here, self.goal, chance.uniform(-2, 2)))
+        with suppress(DeviceFault):
+            self.progress.permit(goal, self.now)
+            self.goal = goal
+            self.progress.command(goal, 1.0, self.now)
+
+    def look(self, chance: Random) -> None:
+        self.now += chance.choice((0.05, 0.2))
+        self.here += chance.choice((0.0, 0.3, -0.3, 1.0)) * (self.goal - self.here)
+        self.progress.look(self.here, 0.0, self.now)
+        assert not self.progress.blocked or self.progress.active
+
+
+def test_random_events_take_every_transition(monkeypatch: pytest.MonkeyPatch) -> None:
+    def hold(joint: Handled, _: Random) -> None:
+        joint.progress.hold(joint.here)
+
+    def relax(joint: Handled, _: Random) -> None:
+        joint.progress.hold(None)
+
+    actions = [Handled.command, Handled.command, hold, relax, *[Handled.look] * 16]
+    table = walk(monkeypatch, "drivers.joint_progress.TRANSITIONS", Handled, actions, walks=800, steps=150)
+    assert table.visited == set(table)
+    assert not table.missing

@@ -10,9 +10,10 @@ from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import field
+from enum import Enum
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from drivers.api.quick import dataclass
 from drivers.clock import SystemClock
@@ -44,6 +45,29 @@ class Loss:
         return "; ".join(said)
 
 
+class WriterState(Enum):
+    """State of a writing process. ABORTED: it never began its file; STOPPED: it takes nothing more; CLOSED: it is done.
+
+    A pair that TRANSITIONS lacks changes nothing.
+    """
+
+    NEW, STARTING, RECORDING, ABORTED, STOPPED, CLOSED = range(6)
+
+
+class WriterEvent(Enum):
+    """Event of a writing process; END is any end of its work but that of a complete record."""
+
+    START, READY, END, CLOSE = range(4)
+
+
+TRANSITIONS: Final = {
+    (WriterState.NEW, WriterEvent.START): WriterState.STARTING,
+    (WriterState.STARTING, WriterEvent.READY): WriterState.RECORDING,
+    (WriterState.STARTING, WriterEvent.END): WriterState.ABORTED,
+    (WriterState.RECORDING, WriterEvent.END): WriterState.STOPPED,
+    (WriterState.RECORDING, WriterEvent.CLOSE): WriterState.CLOSED,
+}
+
 GLANCE = 0.1
 """Seconds within which a pipe that is full sees that its process has been given up."""
 
@@ -62,11 +86,11 @@ class CannotRecordError(RuntimeError):
 
 
 class Outlet:
-    """One writing process. ``open``, then ``send`` and ``hear`` from one thread, then ``finish``; ``give_up`` from any.
+    """One writing process: ``open``, ``send`` and ``hear`` from one thread, then ``finish``; ``give_up`` from any.
 
-    What it tells: ``counts`` of the messages that it has written, once it is ``closed``; ``lost`` those that it could
-    not write, and ``why``; ``ended`` is when the record reached its limit. ``troubles`` are for somebody to report.
-    It ``takes`` items until it is closed, has died or was given up. It has ``start_time`` seconds to begin.
+    ``counts`` are the messages in a closed record, ``lost`` those that could not be written, and ``why``. ``ended`` is
+    the time (s) at which the record reached its limit. ``troubles`` are still to be reported. The process has
+    ``start_time`` seconds to begin.
     """
 
     def __init__(self, path: Path, *, limit: float, overwrite: bool, start_time: float) -> None:
@@ -75,7 +99,7 @@ class Outlet:
         self.lost: Mapping[str, int] = {}
         self.why = ""
         self.ended: float | None = None
-        self.closed = self.takes = False
+        self.state = WriterState.NEW
         self.path = path
         self._overwrite = overwrite
         self._start_time = start_time
@@ -84,8 +108,13 @@ class Outlet:
         self._to = self._from = -1
         self._heard = b""
         self._said = ""  # the last words of an interpreter that fails
-        self._ready = self._silent = False
+        self._silent = False  # the process has closed its output
         self._given_up = ""
+
+    @property
+    def takes(self) -> bool:
+        """Whether the process takes items."""
+        return self.state in {WriterState.STARTING, WriterState.RECORDING}
 
     @property
     def process(self) -> int | None:
@@ -106,9 +135,9 @@ class Outlet:
         self._start()
         self.send(packed([contents]))
         wall = SystemClock()
-        while self.takes and not self._ready and wall.now() < self._start_time:
+        while self.state is WriterState.STARTING and wall.now() < self._start_time:
             self.hear(GLANCE)
-        if not self._ready:
+        if self.state in {WriterState.STARTING, WriterState.ABORTED}:
             why = self.why or f"its process did not begin within {self._start_time:.0f} s"
             self.give_up(why)
             self.finish()
@@ -131,7 +160,7 @@ class Outlet:
         os.set_blocking(self._to, False)
         with suppress(OSError, AttributeError):  # where the system has such a thing, and allows so much
             fcntl.fcntl(self._to, fcntl.F_SETPIPE_SZ, PIPE)
-        self.takes = True
+        self._advance(WriterEvent.START)
 
     def send(self, batch: bytes) -> bool:
         """Send a batch, however long the process takes to accept it; say whether it has."""
@@ -164,7 +193,7 @@ class Outlet:
             return
         match told:
             case {"ready": True}:
-                self._ready = True
+                self._advance(WriterEvent.READY)
             case {"failed": str(why)}:
                 self._stop(why)
             case {"lost": dict(lost), "why": str(why)}:
@@ -176,15 +205,20 @@ class Outlet:
             case {"trouble": str(why)}:
                 self.troubles.append(why)
             case {"closed": {"counts": dict(counts), "ended": ended}}:
-                self.counts, self.ended, self.closed, self.takes = counts, ended, True, False
+                self.counts, self.ended = counts, ended
+                self._advance(WriterEvent.CLOSE)
                 if ended is not None:
                     self.troubles.append(f"the record has reached its limit at {ended:.1f} s, and ends there")
 
     def _stop(self, why: str) -> None:
         """Note that the process takes no more, though the run goes on."""
-        self.takes, self.why = False, why
-        if self._ready:
+        was_recording, self.why = self.state is WriterState.RECORDING, why
+        self._advance(WriterEvent.END)
+        if was_recording:
             self.troubles.append(f"{why}: nothing more is recorded")
+
+    def _advance(self, event: WriterEvent) -> None:
+        self.state = TRANSITIONS.get((self.state, event), self.state)
 
     def _last_words(self) -> str:
         code = None if self._process is None else self._process.poll()
@@ -203,7 +237,7 @@ class Outlet:
         process.stdin.close()
         while not self._silent and not self._given_up:
             self.hear(GLANCE)
-        self.takes = False
+        self._advance(WriterEvent.END)
         if not self._silent:
             self.why = self._given_up
             process.kill()

@@ -1,14 +1,16 @@
 """From sound to words, with a recogniser that answers when the test says so."""
 
 from collections.abc import Sequence
+from random import Random
 
 import numpy as np
 import pytest
 
 from perception.api import Hearing
 from perception.hearing.ears import Ears
-from perception.hearing.listener import CLIP_TIMEOUT, START, Listener
+from perception.hearing.listener import CLIP_TIMEOUT, START, Listener, RecogniserState
 from perception.hearing.sound import RATE, Piece
+from tests.machines import walk
 from tests.perception.hearing.workers import LengthEngine, ScriptedWorker, bits, talk
 from tests.waiting import wait_until
 
@@ -259,3 +261,27 @@ def test_ears_listen_on_a_thread_of_their_own_and_survive_trouble(scene: Scene) 
         ears.close()
         ears.close()
     assert scene.worker.talker is None
+
+
+def test_random_events_of_a_recogniser_take_every_transition_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    def live(scene: Scene, _: Random) -> None:
+        scene.listener.started()
+
+    def get_ready(scene: Scene, _: Random) -> None:
+        if scene.listener._state is not RecogniserState.ABSENT:
+            scene.listener.received({"ready": True}, b"")
+
+    def talk_to_it(scene: Scene, _: Random) -> None:
+        scene.hear((0.1, 0.4), seconds=1.0)
+
+    def answer(scene: Scene, _: Random) -> None:
+        if scene.listener.ready and scene.listener.pending and "decode" in scene.worker.sent[-1][0]:
+            scene.answer("yes", 1.0)
+
+    def lose(scene: Scene, _: Random) -> None:
+        scene.listener.lost("killed")
+
+    actions = [live, lose, *[get_ready, answer, answer] * 2, talk_to_it]
+    table = walk(monkeypatch, "perception.hearing.listener.TRANSITIONS", Scene, actions, walks=12)
+    assert table.visited == set(table)
+    assert not table.missing
