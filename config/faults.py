@@ -90,7 +90,11 @@ class Diagnostic:
         return [number + lead + shown, " " * (len(number) - 2) + "| " + carets]
 
 
-class InvalidFileError(ValueError):
+class InvalidInputError(ValueError):
+    """Input of the user that cannot be used: ``mission`` prints the message, and exits with 2."""
+
+
+class InvalidFileError(InvalidInputError):
     """A file that cannot be used; ``faults`` holds every mistake in it (MAX_FAULTS at most), in the file's order."""
 
     def __init__(self, faults: Sequence[Diagnostic]) -> None:

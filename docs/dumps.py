@@ -15,7 +15,7 @@ import numpy as np
 import missions
 from missions.executive.events import Event
 from missions.library.shipped import load_mission, shipped_missions
-from missions.studio.messages import protocol
+from missions.studio.wishes import protocol
 from missions.views.pictures.compare import compare
 from missions.views.pictures.draw import at, drawing_of
 from missions.views.pictures.drawing import Drawing

@@ -38,7 +38,7 @@ from missions.library.drivers import Table
 from missions.schema.reference import code, keys_table, robot_reference, table
 from missions.studio.form import members
 from missions.studio.messages import ERRORS, MESSAGES
-from missions.studio.reading import COMMANDS
+from missions.studio.wishes import COMMANDS
 from missions.testing.failsafe.ride import stepped_through
 from missions.testing.failsafe.settings import CHOICES, FAULTS, SILENCE, Setting
 from missions.testing.failsafe.words import steps

@@ -9,19 +9,13 @@ from drivers.api.senses import CameraKeys
 from missions.assembly.detectors import yunet_file
 from missions.assembly.features import Features
 from missions.library.interests import Interests
-from missions.library.people import People, PeopleError, folder
+from missions.library.people import PeopleError, people_of
 from perception.api import Box, Image
 from perception.dlib_people import DlibDescriber, DlibPeople
 from perception.identity import Look, Nobody, Recogniser
 from perception.people import KnownPeople
 from perception.sface import SFacePeople
 from perception.yunet import YuNetFaces
-
-
-def people_of(camera: CameraKeys) -> People:
-    """Return the people whom a robot knows: in the folder that its file names, else in the user's."""
-    named = camera.identity.people
-    return People(Path(named).expanduser() if named else folder())
 
 
 def recogniser(

@@ -9,7 +9,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from config.faults import InvalidFileError
-from config.library import LISTED, MINE, SUFFIXES, UnknownNameError, kinds_of, shipped
+from config.library import LISTED, MINE, SUFFIXES, UnknownNameError, find, kinds_of, shipped
 
 FILE = "file"
 """What tells the shell to complete the names of files itself."""
@@ -115,11 +115,13 @@ def _own(kind: str) -> Iterable[str]:
 
 def _people(robot: str | None) -> Iterable[str]:
     """Return the names of those whom a robot, or this user, knows."""
-    from missions.cli.person.asked import people_for  # noqa: PLC0415
-    from missions.library.people import PeopleError  # noqa: PLC0415
+    from missions.library.drivers import load_robot  # noqa: PLC0415
+    from missions.library.people import PeopleError, people_of  # noqa: PLC0415
 
-    with suppress(PeopleError, UnknownNameError, InvalidFileError, click.UsageError):
-        return [each.name for each in people_for(robot).known()]
+    with suppress(PeopleError, UnknownNameError, InvalidFileError):
+        camera = None if robot is None else load_robot(find("robots", robot)).camera
+        if robot is None or camera is not None:
+            return [each.name for each in people_of(camera).known()]
     return ()
 
 

@@ -53,8 +53,7 @@ def _names(tree: Step) -> Iterator[str]:
 def _kept(order: RunRequest) -> list[str]:
     """Return whom a robot with a true camera knows. Raises click.UsageError where their pictures cannot be read."""
     # What looks at people is imported where a mission looks for somebody by name.
-    from missions.assembly.gallery import people_of  # noqa: PLC0415
-    from missions.library.people import PeopleError  # noqa: PLC0415
+    from missions.library.people import PeopleError, people_of  # noqa: PLC0415
 
     camera = robot_of(order).camera
     if camera is None:

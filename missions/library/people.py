@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
 
+from drivers.api.senses import CameraKeys
 from missions.library.folders import data_folder
 from missions.library.portraits import FEATURES, NEW, clear, digest, files_in, keep, read
 from perception.api import UNKNOWN, Image
@@ -262,3 +263,9 @@ def _shut(path: Path) -> bool:
         return False
     path.chmod(rights & 0o700)
     return True
+
+
+def people_of(camera: CameraKeys | None) -> People:
+    """Return the people whom a robot knows: in the folder that its ``camera`` section names, else in the user's."""
+    named = "" if camera is None else camera.identity.people
+    return People(Path(named).expanduser() if named else folder())

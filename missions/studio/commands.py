@@ -33,11 +33,10 @@ Share = Bound(-1.0, 1.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
-    """A command. ``role`` is the least that one must be to give it; ``of_run`` says that a run answers it."""
+    """A command. ``role`` is the least that one must be to give it."""
 
     word: ClassVar[str] = ""
     role: ClassVar[Role] = "operator"
-    of_run: ClassVar[bool] = False
     id: Id = None
 
 
@@ -45,7 +44,6 @@ class Command:
 class OfRun(Command):
     """A command that a run answers."""
 
-    of_run: ClassVar[bool] = True
     run: Run = ""
     by: Annotated[str, "Who asks: the studio puts in the client's name, whatever stands here.", Bound(high=60)] = ""
 

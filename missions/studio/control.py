@@ -30,7 +30,7 @@ from missions.studio.holders import require_stop
 from missions.studio.messages import Answer, Over, Run
 from missions.studio.outlet import Outlet
 from missions.studio.pictures import Pictures
-from missions.studio.reading import COMMANDS, id_in, read_command
+from missions.studio.reading import id_in, read_command
 from missions.studio.wheels import Wheels
 
 FAREWELL = 0.5
@@ -38,8 +38,6 @@ FAREWELL = 0.5
 
 MOST_CLIENTS = 64
 """Connections at once; for one more, one that is idle is hung up on."""
-
-OF_RUN: Mapping[str, type[Command]] = {word: kind for word, kind in COMMANDS.items() if kind.of_run}
 
 
 class ControlSocket:
@@ -236,7 +234,7 @@ class ControlSocket:
         """Do what a client asks for, and answer."""
         number: int | None = None
         try:
-            command = read_command(line, words=OF_RUN)
+            command = read_command(line)
             number = command.id
             result = self._do(client, command)
         except BadMessage as error:

@@ -6,9 +6,8 @@ from math import isfinite
 from typing import Annotated, Any, ClassVar, Literal
 
 from drivers.api.quick import dataclass
-from missions.studio.commands import KEY, Role
-from missions.studio.form import schema, written
-from missions.studio.reading import COMMANDS
+from missions.studio.commands import Role
+from missions.studio.form import written
 
 SAY = "say"
 """The member that has the word of a message."""
@@ -240,20 +239,3 @@ def _finite(data: object) -> object:
     if isinstance(data, Mapping):
         return {str(key): _finite(each) for key, each in data.items()}
     return [_finite(each) for each in data] if isinstance(data, list | tuple) else data
-
-
-def protocol() -> dict[str, object]:
-    """Return the JSON Schema of the whole protocol: `commands` and `messages`, by their words."""
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": f"The messages of MissionTree's studio, version {VERSION}",
-        "anyOf": [
-            {"$ref": f"#/$defs/{side}/{word}"}
-            for side, words in (("commands", COMMANDS), ("messages", MESSAGES))
-            for word in words
-        ],
-        "$defs": {
-            "commands": schema(COMMANDS.values(), KEY),
-            "messages": schema(MESSAGES.values(), SAY),
-        },
-    }

@@ -1,4 +1,4 @@
-"""Every command by its word, and how one is read."""
+"""The commands that a run answers, and how a command is read."""
 
 import re
 from collections.abc import Mapping
@@ -28,42 +28,29 @@ from missions.studio.commands import (
     Watch,
 )  # fmt: skip
 from missions.studio.form import BadMessage, read, shown
-from missions.studio.wishes import (
-    AddPerson,
-    AddTask,
-    ApproveTask,
-    CancelTask,
-    Compare,
-    Failsafe,
-    Fleet,
-    Hello,
-    KeepTuning,
-    Library,
-    Mission,
-    Moment,
-    MoveTask,
-    Record,
-    Records,
-    ReleaseFleet,
-    Revoke,
-    ShowPerson,
-    Start,
-    StopFleet,
-    Tasks,
-    World,
-)  # fmt: skip
 
-COMMANDS: Mapping[str, type[Command]] = {
+RUN_COMMANDS: Mapping[str, type[Command]] = {
     kind.word: kind
     for kind in (
-        Hello, Library, Mission, World, Failsafe, Start, ShowPerson, AddPerson, KeepTuning, Revoke,
-        Watch, Seen, Stop, Release, Pause, Resume, Step, Halt, Fault, Faulty, Tuned, Tune, Take, Give, Drive, Look,
-        Records, Record, Moment, Compare,
-        Tasks, AddTask, ApproveTask, MoveTask, CancelTask,
-        Fleet, StopFleet, ReleaseFleet,
+        Watch,
+        Seen,
+        Stop,
+        Release,
+        Pause,
+        Resume,
+        Step,
+        Halt,
+        Fault,
+        Faulty,
+        Tuned,
+        Tune,
+        Take,
+        Give,
+        Drive,
+        Look,
     )
-}  # fmt: skip
-"""Every command by its word."""
+}
+"""Every command that a run answers, by its word."""
 
 MAX_REFUSED_BYTES = 2 * LARGEST
 """Bytes of a message that is received at most: one longer than ``LARGEST`` is refused, by its id if it has one."""
@@ -103,7 +90,7 @@ def _id_in_malformed(text: str) -> int | None:
     return found
 
 
-def read_command(line: str | bytes, *, words: Mapping[str, type[Command]] = COMMANDS) -> Command:
+def read_command(line: str | bytes, *, words: Mapping[str, type[Command]] = RUN_COMMANDS) -> Command:
     """Return the command in a message. Raises BadMessage that names what is wrong with it."""
     if len(line) > LARGEST:
         raise BadMessage("too_large", f"a command has at most {LARGEST} bytes, this one {len(line)}")

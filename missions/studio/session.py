@@ -17,7 +17,7 @@ from missions.studio.messages import Answer, Runs, line_of
 from missions.studio.reading import id_in, read_command
 from missions.studio.studio import Studio
 from missions.studio.watching import Hearer
-from missions.studio.wishes import Hello, Record
+from missions.studio.wishes import COMMANDS, Hello, Record
 
 RATE = 100.0
 """Commands a second, at most; some more may come at once. A `stop` is always heard."""
@@ -136,7 +136,7 @@ class Session:
     async def _hello(self, line: str) -> bool:
         """Answer the first command; say whether it was a good one."""
         try:
-            command = read_command(line)
+            command = read_command(line, words=COMMANDS)
             if not isinstance(command, Hello):
                 raise BadMessage("hello_first", "the first command is hello", '{"do": "hello", "version": "2"}')
             if command.version not in self._studio.versions:
@@ -150,7 +150,7 @@ class Session:
     async def _hear(self, line: str) -> None:
         """Do what a line asks for, or have it done: a stop that comes next is not to wait for it."""
         try:
-            command = read_command(line)
+            command = read_command(line, words=COMMANDS)
             if isinstance(command, Stop):
                 self._stops.add(stop := self._begin(self._answered(command, self._stop(command))))
                 stop.add_done_callback(self._stops.discard)

@@ -4,8 +4,7 @@ from math import inf, radians
 
 from drivers.api import Base, Head
 from drivers.clock import Clock
-from missions.hands.teleop.keymap import Push
-from missions.hands.teleop.pilot import MAX_STATE_AGE, Pilot
+from missions.hands.teleop.pilot import MAX_STATE_AGE, Pilot, Push
 from missions.studio.commands import Drive, Look
 from missions.studio.form import BadMessage
 from missions.studio.state_stamps import KEPT_TIME, StateStamps

@@ -5,8 +5,10 @@ from dataclasses import field
 from typing import Annotated, ClassVar, Literal
 
 from drivers.api.quick import dataclass
-from missions.studio.commands import Command, Role
-from missions.studio.form import Bound
+from missions.studio.commands import KEY, Command, Role
+from missions.studio.form import Bound, schema
+from missions.studio.messages import MESSAGES, SAY, VERSION
+from missions.studio.reading import RUN_COMMANDS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -236,3 +238,35 @@ class CancelTask(Command):
 
     word: ClassVar[str] = "cancel_task"
     task: Annotated[int, "Its number.", Bound(1, 2**53)]
+
+
+COMMANDS: Mapping[str, type[Command]] = {
+    **{
+        kind.word: kind
+        for kind in (
+            Hello, Library, Mission, World, Failsafe, Start, ShowPerson, AddPerson, KeepTuning, Revoke,
+            Records, Record, Moment, Compare,
+            Tasks, AddTask, ApproveTask, MoveTask, CancelTask,
+            Fleet, StopFleet, ReleaseFleet,
+        )
+    },
+    **RUN_COMMANDS,
+}  # fmt: skip
+"""Every command that the studio takes, by its word: its own, and those that it passes on to a run."""
+
+
+def protocol() -> dict[str, object]:
+    """Return the JSON Schema of the whole protocol: `commands` and `messages`, by their words."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": f"The messages of MissionTree's studio, version {VERSION}",
+        "anyOf": [
+            {"$ref": f"#/$defs/{side}/{word}"}
+            for side, words in (("commands", COMMANDS), ("messages", MESSAGES))
+            for word in words
+        ],
+        "$defs": {
+            "commands": schema(COMMANDS.values(), KEY),
+            "messages": schema(MESSAGES.values(), SAY),
+        },
+    }

@@ -30,8 +30,7 @@ from drivers.sim.twins.base import BaseTwin
 from drivers.sim.twins.ranger import RangerTwin
 from drivers.sim.wheels import Wheels
 from drivers.sim.world import World
-from missions.hands.teleop.keymap import Push
-from missions.hands.teleop.pilot import Pilot
+from missions.hands.teleop.pilot import Pilot, Push
 from missions.library.worlds import build_world
 from missions.studio.commands import Drive as StudioDrive
 from missions.studio.wheels import Wheels as StudioWheels

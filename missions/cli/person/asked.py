@@ -8,11 +8,10 @@ import click
 
 from config.library import find
 from drivers.api.senses import CameraKeys
-from missions.assembly.gallery import people_of
 from missions.cli.names import ROBOT
 from missions.cli.root import FAILURE
 from missions.library.drivers import load_robot
-from missions.library.people import People, PeopleError, folder
+from missions.library.people import People, PeopleError, people_of
 
 
 def robot_option(command: Any) -> Any:
@@ -46,8 +45,7 @@ def judged_otherwise(camera: CameraKeys | None) -> str:
 
 def people_for(robot: str | None) -> People:
     """Return the people whom a robot knows, the user's own without one."""
-    camera = camera_of(robot)
-    return People(folder()) if camera is None else people_of(camera)
+    return people_of(camera_of(robot))
 
 
 def saying_why(command: Callable[..., int]) -> Callable[..., int]:

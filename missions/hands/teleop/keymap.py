@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from math import inf
 from types import MappingProxyType
 
-from drivers.api.quick import dataclass
+from missions.hands.teleop.pilot import GAZES, PACES, Push
 
 FIRST = 0.75
 """Seconds that a key counts as held when it was pressed: auto-repeat begins after up to 0.66 s (the X server's)."""
@@ -20,14 +20,6 @@ REPEAT = 0.2
 """Seconds within which a key that comes again repeats by itself; nobody types the same key so fast for long."""
 
 
-@dataclass(frozen=True, slots=True)
-class Push:
-    """Which way somebody pushes: ahead and to the left, each as a share -1..1 of the speed that they have chosen."""
-
-    ahead: float
-    left: float
-
-
 MOVES: Mapping[str, Push] = MappingProxyType(
     {
         "u": Push(1, 1), "i": Push(1, 0), "o": Push(1, -1),
@@ -37,17 +29,7 @@ MOVES: Mapping[str, Push] = MappingProxyType(
 )  # fmt: skip
 """The keys that drive; back to the left turns the base to the right, as ROS has it."""
 
-PACES: Mapping[str, tuple[float, float]] = MappingProxyType(
-    {"q": (1.1, 1.1), "z": (0.9, 0.9), "w": (1.1, 1.0), "x": (0.9, 1.0), "e": (1.0, 1.1), "c": (1.0, 0.9)}
-)
-"""The keys that change the speed: by what factor it ahead, and that of turning."""
-
-GAZES: Mapping[str, tuple[int, int]] = MappingProxyType(
-    {"left": (1, 0), "right": (-1, 0), "up": (0, -1), "down": (0, 1)}
-)
-"""The keys that turn the head: how many steps of pan and tilt."""
-
-STOP, LATCH, ENABLE = "k", " ", "enter"
+STOP = "k"
 ENDS = frozenset({"escape", "end"})
 
 HELP = """\

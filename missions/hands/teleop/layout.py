@@ -11,7 +11,7 @@ from drivers.api.quick import dataclass
 from drivers.errors import NotConnected
 from missions.hands.teleop import events
 from missions.hands.teleop.events import Event
-from missions.hands.teleop.keymap import ENABLE, LATCH
+from missions.hands.teleop.pilot import ENABLE, LATCH
 
 PRESSED, RELEASED = 0.6, 0.4
 """Shares of its way from which on a trigger counts as pressed, and below which it is let go."""

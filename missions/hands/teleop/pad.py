@@ -14,9 +14,9 @@ from drivers.errors import NotConnected
 from drivers.ports import explain
 from missions.hands.teleop import FIRST_PAD, events
 from missions.hands.teleop.events import Event, Span
-from missions.hands.teleop.keymap import ENABLE, LATCH, Push
 from missions.hands.teleop.layout import UNIDENTIFIED, PadLayout, PadModel, PadState, UnknownPadError, layout_for
 from missions.hands.teleop.pad_store import load_taught
+from missions.hands.teleop.pilot import ENABLE, LATCH, Push
 
 DEAD = 0.1
 """The share of a stick's way around its middle that counts as its middle: none springs back exactly."""

@@ -1,10 +1,12 @@
 """What a person's hands do to a robot: pushes become commands to the base, steps turn the head, stops latch."""
 
+from collections.abc import Mapping
 from math import degrees, radians
+from types import MappingProxyType
 
 from drivers.api import STILL, Base, Head, HeadPose, Source, Velocity
+from drivers.api.quick import dataclass
 from drivers.errors import DriverError, NotConnected
-from missions.hands.teleop.keymap import ENABLE, GAZES, LATCH, PACES, Push
 
 HALF = 0.5
 MIN_SHARE, MAX_SHARE = 0.05, 1.0
@@ -19,6 +21,27 @@ the next command."""
 
 ANEW = "it was away: let go, and begin anew"
 BY_HAND = "stopped by hand: Enter enables"
+
+
+@dataclass(frozen=True, slots=True)
+class Push:
+    """Which way somebody pushes: ahead and to the left, each as a share -1..1 of the speed that they have chosen."""
+
+    ahead: float
+    left: float
+
+
+PACES: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {"q": (1.1, 1.1), "z": (0.9, 0.9), "w": (1.1, 1.0), "x": (0.9, 1.0), "e": (1.0, 1.1), "c": (1.0, 0.9)}
+)
+"""The keys that change the speed: by what factor it ahead, and that of turning."""
+
+GAZES: Mapping[str, tuple[int, int]] = MappingProxyType(
+    {"left": (1, 0), "right": (-1, 0), "up": (0, -1), "down": (0, 1)}
+)
+"""The keys that turn the head: how many steps of pan and tilt."""
+
+LATCH, ENABLE = " ", "enter"
 
 
 class Pilot:

@@ -13,8 +13,8 @@ from drivers.clock import Clock
 from drivers.errors import DriverError
 from missions.hands.teleop import events
 from missions.hands.teleop.events import Event, Span
-from missions.hands.teleop.keymap import ENABLE, LATCH
 from missions.hands.teleop.layout import PRESSED, Control, PadLayout, PadState, Stick
+from missions.hands.teleop.pilot import ENABLE, LATCH
 
 ANSWER_TIMEOUT = 30.0
 """Seconds in which a control must be pressed and let go."""

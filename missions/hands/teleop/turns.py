@@ -3,10 +3,10 @@
 from collections.abc import Callable
 
 from drivers.clock import Clock
-from missions.hands.teleop.keymap import AGAIN, ENDS, GAZES, LATCH, STOP, Held
+from missions.hands.teleop.keymap import AGAIN, ENDS, STOP, Held
 from missions.hands.teleop.line_delay import LineDelay
 from missions.hands.teleop.pad import Pad
-from missions.hands.teleop.pilot import Pilot
+from missions.hands.teleop.pilot import GAZES, LATCH, Pilot
 
 TICK = 0.05
 """Seconds between two commands: a command that lives for 0.3 s may miss five."""

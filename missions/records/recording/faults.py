@@ -6,11 +6,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from config.faults import InvalidInputError
+
 MAX_TIME = 1e9
 """Seconds that no run lasts: thirty years. No figure of a robot is as large either."""
 
 
-class InvalidRecordError(ValueError):
+class InvalidRecordError(InvalidInputError):
     """A file that is no record, or none that can be read; says so, and what to type next, in its message."""
 
 

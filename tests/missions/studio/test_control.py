@@ -12,7 +12,7 @@ import pytest
 
 from missions.studio import sockets
 from missions.studio.control import MOST_CLIENTS
-from missions.studio.messages import protocol
+from missions.studio.wishes import protocol
 from tests.missions.command import PATIENCE, Process, command
 from tests.missions.studio.running import DRIVING, REST, Client, found_of, run_of, seconds_to_rest, simulated_run
 from tests.waiting import wait_until

@@ -22,9 +22,9 @@ from missions.studio.access import Access
 from missions.studio.app import routes
 from missions.studio.commands import LARGEST
 from missions.studio.doors import MOST_CONNECTIONS
-from missions.studio.messages import protocol
-from missions.studio.reading import COMMANDS, MAX_REFUSED_BYTES
+from missions.studio.reading import MAX_REFUSED_BYTES
 from missions.studio.tokens import keep_tokens, kept_tokens
+from missions.studio.wishes import COMMANDS, protocol
 from tests.cases import each
 from tests.missions.command import command
 from tests.missions.studio.proxy import proxy

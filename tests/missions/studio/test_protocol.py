@@ -8,9 +8,9 @@ import pytest
 
 from missions.studio.commands import LARGEST, Drive
 from missions.studio.form import BadMessage, members, written
-from missions.studio.messages import ERRORS, MESSAGES, Answer, Over, line_of, protocol
-from missions.studio.reading import COMMANDS, id_in, read_command
-from missions.studio.wishes import Start
+from missions.studio.messages import ERRORS, MESSAGES, Answer, Over, line_of
+from missions.studio.reading import id_in, read_command
+from missions.studio.wishes import COMMANDS, Start, protocol
 from tests.cases import each
 
 SCHEMA: Any = protocol()
@@ -36,7 +36,7 @@ def test_a_command_is_read_with_its_defaults() -> None:
 
 def test_a_command_comes_back_as_it_was_written() -> None:
     start = Start(id=4, mission="greet", params={"patience": "5 s"}, sure=True)
-    assert read_command(json.dumps(written(start, "do"))) == start
+    assert read_command(json.dumps(written(start, "do")), words=COMMANDS) == start
 
 
 @each(
@@ -71,7 +71,7 @@ def test_a_command_comes_back_as_it_was_written() -> None:
 )
 def test_what_is_no_command_is_refused_by_name(line: str, error: str, said: str) -> None:
     with pytest.raises(BadMessage, match=said.replace("[", r"\[")) as refused:
-        read_command(line)
+        read_command(line, words=COMMANDS)
     assert refused.value.error == error
     assert error in ERRORS
 
@@ -80,7 +80,7 @@ def test_what_is_no_command_is_refused_by_name(line: str, error: str, said: str)
 def test_however_deep_a_command_is_it_is_refused_by_name(line: str) -> None:
     for depth in range(850, 1050):
         with pytest.raises(BadMessage):
-            read_command(line % ('{"a": ' * depth + "1" + "}" * depth))
+            read_command(line % ('{"a": ' * depth + "1" + "}" * depth), words=COMMANDS)
 
 
 @each(

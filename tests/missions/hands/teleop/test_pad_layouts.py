@@ -18,10 +18,10 @@ from drivers.errors import DriverError, NotConnected
 from missions.hands.teleop import events, pad, pad_store
 from missions.hands.teleop.beside import Beside
 from missions.hands.teleop.events import Event, Span
-from missions.hands.teleop.keymap import ENABLE, LATCH, Push
 from missions.hands.teleop.layout import D_MODE, STANDARD, Control, PadLayout, PadModel, Stick, layout_for
 from missions.hands.teleop.pad import Pad, find_pad, find_pads
 from missions.hands.teleop.pad_store import keep_taught, load_taught
+from missions.hands.teleop.pilot import ENABLE, LATCH, Push
 from missions.hands.teleop.teaching import ANSWER_TIMEOUT, MAX_TRIES, Teacher, TeachingError
 from missions.testing.recorders import RecordedBase
 from tests.missions.command import command

@@ -11,8 +11,8 @@ from drivers.clock import ManualClock
 from drivers.errors import NotConnected
 from drivers.sim.timeline import Timeline
 from drivers.sim.twins.base import BaseTwin
-from missions.hands.teleop.keymap import AGAIN, FIRST, HELP, MOVES, PACES, Held, Push
-from missions.hands.teleop.pilot import MAX_SHARE, MIN_SHARE, STEP, Pilot
+from missions.hands.teleop.keymap import AGAIN, FIRST, HELP, MOVES, Held
+from missions.hands.teleop.pilot import MAX_SHARE, MIN_SHARE, PACES, STEP, Pilot, Push
 from missions.hands.teleop.turns import TICK, drive_by_hand
 from missions.testing.recorders import ENABLE, STOP, RecordedBase, RecordedHead
 

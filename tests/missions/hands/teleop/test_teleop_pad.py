@@ -14,9 +14,8 @@ from drivers.clock import ManualClock
 from drivers.errors import NotConnected
 from missions.hands.teleop import events, pad
 from missions.hands.teleop.events import Event, Span, events_of, span_of, span_request
-from missions.hands.teleop.keymap import ENABLE, LATCH, Push
 from missions.hands.teleop.pad import DEAD, SILENCE, Pad, find_pad
-from missions.hands.teleop.pilot import Pilot
+from missions.hands.teleop.pilot import ENABLE, LATCH, Pilot, Push
 from missions.hands.teleop.turns import drive_by_hand
 from missions.testing.recorders import RecordedBase
 
