@@ -5,14 +5,12 @@ with the name ``rover``, and names a ``drivers.api.driver.Driver``. They are loo
 that the house does not have, or where all are told; what is wrong with one concerns nobody who does not use it.
 """
 
-import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import redirect_stdout
 from dataclasses import replace
 from functools import cached_property
 from inspect import get_annotations
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from config import robot
 from config.faults import Source
@@ -23,8 +21,8 @@ from drivers.api.keys import declared
 from drivers.api.kinds import KINDS
 from drivers.api.sections import ArmKeys
 from drivers.table import HOUSE
-from missions.library.offers import offered
-from missions.library.trial import problem_of_entry_point, said, shown
+from missions.library.offers import BrokenOfferError, described, load_offer, offered, owner_of
+from missions.library.trial import said, shown
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -62,7 +60,7 @@ class Table:
     def origin(self, kind: str, name: str) -> str:
         """Return the distribution that a driver comes from; empty for one of the house."""
         points = () if name in HOUSE.get(kind, ()) else self._points.get(f"{kind}.{name}", ())
-        return ", ".join(_owner(point) for point in points)
+        return ", ".join(owner_of(point) for point in points)
 
     def all(self) -> Iterator[tuple[str, str, Driver | BrokenDriver]]:
         """Yield the kind and the name of each driver with its declaration, or with what is wrong with that."""
@@ -77,24 +75,22 @@ class Table:
             if kind not in KINDS or not own:
                 kinds = ", ".join(KINDS)
                 hint = f"it must be called KIND.NAME, such as base.{own or kind}; kinds are: {kinds}"
-                yield kind, own, BrokenDriver(f"{_told(points[0])} names no driver of any kind: {hint}")
+                yield kind, own, BrokenDriver(f"{described(points[0])} names no driver of any kind: {hint}")
             elif own in HOUSE.get(kind, ()):
-                yield kind, own, BrokenDriver(f"{_told(points[0])} is not used: MissionTree has a {kind}.{own} itself")
+                why = f"is not used: MissionTree has a {kind}.{own} itself"
+                yield kind, own, BrokenDriver(f"{described(points[0])} {why}")
 
 
 def _loaded(points: Sequence["EntryPoint"]) -> Driver:
     """Return what an entry point declares. Raises BrokenDriver."""
     point, *others = points
-    told = _told(point)
+    told = described(point)
     if others:
-        raise BrokenDriver(f"{' and '.join(map(_told, points))} have one name: uninstall one of them")
-    if trial := problem_of_entry_point(point):
-        raise BrokenDriver(f"{told} {trial.message}")
+        raise BrokenDriver(f"{' and '.join(map(described, points))} have one name: uninstall one of them")
     try:
-        with redirect_stdout(sys.stderr):  # what it prints is no part of an answer
-            found: Any = point.load()
-    except Exception as error:
-        raise BrokenDriver(f"{told} cannot be imported: {said(error)}") from error
+        found = load_offer(point)
+    except BrokenOfferError as error:
+        raise BrokenDriver(f"{told} {error}") from error
     if not issubclass(type(found), Driver):
         raise BrokenDriver(f"{told} is {shown(found)}, not a drivers.api.driver.Driver")
     try:
@@ -128,15 +124,6 @@ def _problem(name: str, driver: Driver) -> str:
         hint = "a property that returns a drivers.api.joints.JointLimits for each joint, by its name"
         return f"has keys that do not say which joints there are: give {name} `limits`, {hint}"
     return ""
-
-
-def _told(point: "EntryPoint") -> str:
-    owner = _owner(point)
-    return f"{point.name} = {point.value}" + (f" of {owner}" if owner else "")
-
-
-def _owner(point: "EntryPoint") -> str:
-    return point.dist.name if point.dist is not None else ""
 
 
 def robot_named(name: str | None, ros2_domain: int | None = None) -> RobotConfig:

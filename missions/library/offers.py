@@ -1,10 +1,13 @@
-"""Entry points of other distributions, read quickly: each command looks at them as it starts."""
+"""Entry points of other distributions: found quickly, as each command looks at them, and loaded safely."""
 
 import sys
 from collections.abc import Sequence
+from contextlib import redirect_stdout
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from missions.library.trial import problem_of_entry_point, said
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -38,3 +41,29 @@ def _named(group: str, folders: tuple[tuple[Path, int], ...]) -> bool:
     """Whether any distribution in ``folders``, as they were when they were changed last, declares a group."""
     files = (file for folder, _ in folders for file in folder.glob("*-info/entry_points.txt"))
     return any(group in file.read_text(encoding="utf-8", errors="replace") for file in files)
+
+
+class BrokenOfferError(ValueError):
+    """An entry point that cannot be loaded; the message says why."""
+
+
+def load_offer(point: "EntryPoint") -> Any:
+    """Import the object of an entry point, after a trial in a process of its own. Raises BrokenOfferError."""
+    if problem := problem_of_entry_point(point):
+        raise BrokenOfferError(problem.message)
+    try:
+        with redirect_stdout(sys.stderr):  # its output must not mix with the answer of the command
+            return point.load()
+    except Exception as error:
+        raise BrokenOfferError(f"cannot be imported: {said(error)}") from error
+
+
+def owner_of(point: "EntryPoint") -> str:
+    """Return the name of the distribution that declares an entry point; empty where that is unknown."""
+    return point.dist.name if point.dist is not None else ""
+
+
+def described(point: "EntryPoint") -> str:
+    """Return an entry point as it is declared, with its distribution."""
+    owner = owner_of(point)
+    return f"{point.name} = {point.value}" + (f" of {owner}" if owner else "")

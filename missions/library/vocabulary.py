@@ -15,7 +15,7 @@ from contextlib import redirect_stdout, suppress
 from functools import lru_cache, partial
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from py_trees.behaviour import Behaviour
 
@@ -31,8 +31,8 @@ from missions.language.body import KEYS
 from missions.language.nodes import BRANCHES, MODIFIERS
 from missions.language.steps import BESIDE
 from missions.library.catalogue import WRITTEN
-from missions.library.offers import offered
-from missions.library.trial import place_in, problem_of_entry_point, problem_of_file, said, shown
+from missions.library.offers import BrokenOfferError, described, load_offer, offered, owner_of
+from missions.library.trial import place_in, problem_of_file, said, shown
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -164,16 +164,13 @@ def _examine(leaf: type[Leaf], leaves: Mapping[str, type[Leaf]]) -> None:
 
 def _from_entry_point(point: "EntryPoint") -> Offer:
     """Import what an entry point names. Raises InvalidFileError when that cannot be."""
-    package = f" of {point.dist.name}" if point.dist is not None else ""
-    source = Source(f"entry point {point.name} = {point.value}{package}", "")
-    hint = f"repair or uninstall {point.dist.name}" if point.dist is not None else ""
-    if problem := problem_of_entry_point(point):
-        raise InvalidFileError([Diagnostic(source, Mark(), problem.message, hint)])
+    source = Source(f"entry point {described(point)}", "")
+    owner = owner_of(point)
     try:
-        with redirect_stdout(sys.stderr):  # what it prints is no part of an answer
-            found: Any = point.load()
-    except Exception as error:
-        raise InvalidFileError([Diagnostic(source, Mark(), f"cannot be imported: {said(error)}", hint)]) from error
+        found = load_offer(point)
+    except BrokenOfferError as error:
+        hint = f"repair or uninstall {owner}" if owner else ""
+        raise InvalidFileError([Diagnostic(source, Mark(), str(error), hint)]) from error
     if issubclass(type(found), ModuleType):
         return _of_module(found, source)
     with suppress(Exception):  # of a class that is like no other

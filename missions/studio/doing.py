@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from math import inf
+from queue import SimpleQueue
 from typing import Any
 
 from config.faults import did_you_mean
@@ -18,6 +19,7 @@ from drivers.clock import Clock
 from drivers.errors import DriverError
 from drivers.pantilt import Trimmable
 from missions.executive.events import Logged
+from missions.library.plugins import service
 from missions.library.tuning import LIMITS, filed
 from missions.runner import Runner
 from missions.studio.commands import (
@@ -37,7 +39,6 @@ from missions.studio.commands import (
     Tune,
     Tuned,
 )  # fmt: skip
-from missions.studio.faults import Faults
 from missions.studio.form import BadMessage
 from missions.studio.wheels import RELEASE, Wheels
 
@@ -137,6 +138,9 @@ def _curb(device: Any, field: str, value: float) -> None:
     device.curb(replace(device.limits, **{field: value}))
 
 
+WORLD_INTERVAL = 0.02
+"""Seconds of simulated time until a function that waits for the thread of the simulated world is called."""
+
 HALT_TIME = 5.0
 """Seconds that a run has to end that was told to; then it gets a SIGTERM, which its watchdog hears as well."""
 
@@ -147,7 +151,11 @@ class Doing:
     """Does what the client of a ``key`` commands, and returns what is answered. Raises BadMessage. For one thread."""
 
     def __init__(self, runner: Runner, wheels: Wheels, clock: Clock) -> None:
-        self._faults, self._tuning = Faults(runner), Tuning(runner.config, runner.assembled.devices)
+        self._runner, self._tuning = runner, Tuning(runner.config, runner.assembled.devices)
+        self._faults: Any = None
+        self._in_world: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        if runner.twins is not None:
+            runner.twins.timeline.every(WORLD_INTERVAL, self._do_in_world)
         self._executive, self._latch, self._wheels, self._clock = runner.executive, runner.latch, wheels, clock
         self._stream = runner.stream
         self.kill_at = inf
@@ -161,9 +169,10 @@ class Doing:
             case Drive() | Look():
                 self._steer(key, command)
             case Fault():
-                self._faults.strike(command.what)
+                self._faults_of_run().strike(command.what)
             case Faulty():
-                return self._faults.told()
+                told: Mapping[str, object] = self._faults_of_run().told()
+                return told
             case Tuned():
                 return self._tuning.told()
             case Tune():
@@ -175,6 +184,20 @@ class Doing:
             case _:
                 self._do_to_mission(command)
         return None
+
+    def _faults_of_run(self) -> Any:
+        """Return the plug-in's part that injects faults, imported for the first one. Raises BadMessage without it."""
+        if self._faults is None:
+            faults = service("faults")
+            if faults is None:
+                raise BadMessage("unsupported", "faults need the plug-in 'testing', which is not installed")
+            self._faults = faults(self._runner, self._in_world.put)
+        return self._faults
+
+    def _do_in_world(self) -> None:
+        """Call the functions that wait for the thread of the simulated world."""
+        while not self._in_world.empty():
+            self._in_world.get_nowait()()
 
     def _stop(self, command: Stop) -> Mapping[str, object]:
         """Latch all, and return which parts have been told, and which are missing: they may move on."""

@@ -29,10 +29,14 @@ def runner_of(folder: Path, told: list[Event], simulate: str = "fast") -> Runner
     return Runner(order, listeners=[told.append], limits=IN_PROCESS)
 
 
+def faults_of(runner: Runner) -> Faults:
+    return Faults(runner, lambda function: function())
+
+
 def test_a_part_is_gone_for_as_long_as_was_said(tmp_path: Path) -> None:
     told: list[Event] = []
     runner = runner_of(tmp_path, told)
-    faults = Faults(runner)
+    faults = faults_of(runner)
     assert runner.twins is not None
     runner.twins.timeline.at(3.0, lambda: faults.strike("voice unplugged 500 ms"))
     assert runner.run().result == "success"
@@ -52,14 +56,14 @@ def test_a_part_is_gone_for_as_long_as_was_said(tmp_path: Path) -> None:
 )
 def test_what_cannot_be_had_is_said_by_name(tmp_path: Path, words: str, error: str, message: str) -> None:
     with pytest.raises(BadMessage) as caught:
-        Faults(runner_of(tmp_path, [])).strike(words)
+        faults_of(runner_of(tmp_path, [])).strike(words)
     assert caught.value.error == error
     assert message in str(caught.value)
 
 
 @pytest.mark.parametrize("robot", ["turtlebot2_arm", "humanoid"])
 def test_whatever_is_offered_can_be_had(robot: str) -> None:
-    faults = Faults(Runner(RunRequest("wave" if robot == "humanoid" else "greet", robot=robot, simulate="fast")))
+    faults = faults_of(Runner(RunRequest("wave" if robot == "humanoid" else "greet", robot=robot, simulate="fast")))
     offered = faults.told()["examples"]
     assert isinstance(offered, list)
     assert {words.partition(" ")[0] for words in offered} > {"arm", "run"}
@@ -77,7 +81,7 @@ def test_virtual_devices_offer_nothing_but_the_command_for_the_same_run_in_simul
     runner = Runner(
         RunRequest(str(path), params={"text": "Good day"}, robot="turtlebot2", simulate="wire"), limits=IN_PROCESS
     )
-    faults = Faults(runner)
+    faults = faults_of(runner)
     told = faults.told()
     assert told["examples"] == []
     with pytest.raises(BadMessage, match="unsupported: 'other_name' does not run in simulated time") as caught:

@@ -1,0 +1,133 @@
+"""Which plug-ins there are: those of ``missions.plugins``, and those of other distributions.
+
+Those of other distributions are looked for where a name is not one of ours, or where all plug-ins count. Their
+declarations are imported in a process of their own first. One that cannot be used is left out, with a warning on
+stderr; the rest works.
+"""
+
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+from missions.library.offers import BrokenOfferError, described, load_offer, offered, owner_of
+from missions.library.trial import said, shown
+from missions.plugin import GROUP, CommandEntry, FileKind, Plugin
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+BUILT_IN = "missions.plugins"
+"""The package of our own plug-ins, which lists them as ``PLUGINS``. The core runs without it."""
+
+
+class BrokenPluginError(ImportError):
+    """A plug-in whose code cannot be loaded; the message names the plug-in, and says why."""
+
+
+@cache
+def built_in_plugins() -> Mapping[str, Plugin]:
+    """Return our own plug-ins by name; none where the package was removed."""
+    if find_spec(BUILT_IN) is None:
+        return {}
+    return {plugin.name: plugin for plugin in import_module(BUILT_IN).PLUGINS}
+
+
+@cache
+def installed_plugins() -> Mapping[str, Plugin]:
+    """Return the plug-ins of other distributions by name; warn once of each that cannot be used."""
+    found: dict[str, Plugin] = {}
+    waiting: list[tuple[EntryPoint, Plugin]] = []
+    for point in offered(GROUP):
+        try:
+            waiting.append((point, _loaded(point)))
+        except BrokenOfferError as error:
+            _warn(point, str(error))
+    while waiting:  # a plug-in may need one that is offered after it
+        ready = [each for each in waiting if not _missing(each[1], found)]
+        for point, plugin in ready or waiting:
+            if why := _conflict(plugin, [*built_in_plugins().values(), *found.values()]) if ready else "":
+                _warn(point, why)
+            elif ready:
+                found[plugin.name] = plugin
+            else:
+                _warn(point, f"needs the plug-in {', '.join(_missing(plugin, found))}, which is not installed")
+        waiting = [each for each in waiting if ready and each not in ready]
+    return found
+
+
+def _loaded(point: "EntryPoint") -> Plugin:
+    """Import the declaration of a plug-in. Raises BrokenOfferError."""
+    found = load_offer(point)
+    if not issubclass(type(found), Plugin):
+        raise BrokenOfferError(f"is {shown(found)}, not a missions.plugin.Plugin")
+    plugin: Plugin = found
+    if plugin.name != point.name:
+        raise BrokenOfferError(f"declares the plug-in '{plugin.name}': both must have the same name")
+    for name in ("commands", "file_kinds"):
+        if not isinstance(getattr(plugin, name), Mapping):
+            raise BrokenOfferError(f"has {name} that are not a mapping")
+    return plugin
+
+
+def _missing(plugin: Plugin, found: Mapping[str, Plugin]) -> list[str]:
+    return [name for name in plugin.needs if name not in found and name not in built_in_plugins()]
+
+
+def _conflict(plugin: Plugin, others: Iterable[Plugin]) -> str:
+    """Return which name of a plug-in another one has taken; empty where none is."""
+    for other in others:
+        if plugin.name == other.name:
+            return f"a plug-in '{plugin.name}' exists already"
+        for kind, mine, theirs in (
+            ("command", plugin.commands, other.commands),
+            ("kind of file", plugin.file_kinds, other.file_kinds),
+        ):
+            if taken := sorted(mine.keys() & theirs.keys()):
+                return f"its {kind} '{taken[0]}' is taken by the plug-in '{other.name}'"
+    return ""
+
+
+def _warn(point: "EntryPoint", why: str) -> None:
+    owner = owner_of(point)
+    hint = f"\n  try: repair or uninstall {owner}" if owner else ""
+    sys.stderr.write(f"mission: skipped plug-in {described(point)}: {why}{hint}\n")
+
+
+def plugins() -> Iterator[Plugin]:
+    """Yield all plug-ins, our own first; those of others are loaded when they are reached."""
+    yield from built_in_plugins().values()
+    yield from installed_plugins().values()
+
+
+def load(plugin: Plugin, path: str) -> Any:
+    """Import the object at a dotted path of a plug-in. Raises BrokenPluginError."""
+    module, _, attribute = path.partition(":")
+    try:
+        return getattr(import_module(module), attribute)
+    except Exception as error:
+        hint = f"\n  try: pip install 'missiontree[{plugin.extra}]'" if plugin.extra else ""
+        raise BrokenPluginError(f"the plug-in '{plugin.name}' cannot be loaded: {said(error)}{hint}") from error
+
+
+def command_of(name: str) -> tuple[Plugin, CommandEntry] | None:
+    """Return the plug-in that has a command, and the command; None where no plug-in has it."""
+    return next(((each, each.commands[name]) for each in plugins() if name in each.commands), None)
+
+
+def file_kind_of(name: str) -> tuple[Plugin, FileKind] | None:
+    """Return the plug-in whose files end as ``name`` does, and their kind; None where no plug-in has such files."""
+    found = ((each, kind) for each in plugins() for ending, kind in each.file_kinds.items() if name.endswith(ending))
+    return next(found, None)
+
+
+def service(name: str) -> Any | None:
+    """Return the object that one of our own plug-ins offers to the core; None where none does.
+
+    Plug-ins of others are not looked at: the thread that handles a stop asks here, and must not wait for them.
+    Raises BrokenPluginError.
+    """
+    found = next((each for each in built_in_plugins().values() if name in each.services), None)
+    return None if found is None else load(found, found.services[name])
