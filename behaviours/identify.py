@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from py_trees.common import Status
 
+from behaviours.head import LATELY, Seeing
 from behaviours.leaf import argument
-from behaviours.seeing import LATELY, Seeing
 from behaviours.sight import KEPT, chosen, is_same
 from perception.api import Face
 

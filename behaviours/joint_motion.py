@@ -11,7 +11,7 @@ from py_trees.common import Status
 from behaviours.leaf import SUCCESS, Leaf, argument
 from behaviours.tracking_error import Sample
 from drivers.api import Coupling, JointLimits, Joints, JointState, Reading
-from drivers.api.following import Following
+from drivers.api.joints import Following
 
 SLOWEST = 0.1
 """rad/s: under load, slower orders do not move a small servo evenly."""

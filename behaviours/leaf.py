@@ -7,15 +7,38 @@ from typing import Any, ClassVar
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from behaviours.argument import REQUIRED, Argument, argument
-from behaviours.joint_ranges import JointRanges
-from behaviours.messages import error_text, message_of, shown
+from behaviours.joint_ranges import REQUIRED, Argument, JointRanges, argument
+from behaviours.node import lost_reason
 from behaviours.robot import Robot
 from behaviours.run import log
 from behaviours.stopping import AT_REST, HALTING, STARTING, WORKING, Stopping
-from behaviours.suspension import lost_reason
 from drivers.api.renamed import told_renamed
 from drivers.errors import DriverError, NotConnected, SensorSilent
+
+# What a leaf raised or gave, in words: whatever that is, and whatever it does when it is asked for them.
+
+
+def error_text(error: BaseException) -> str:
+    """Return an exception's type and words; the type alone where it has none, or cannot say them."""
+    words = message_of(error)
+    return f"{type(error).__name__}: {words}" if words else type(error).__name__
+
+
+def message_of(error: BaseException) -> str:
+    """Return an exception's words; none where it cannot say them, which may raise whatever there is."""
+    try:
+        return str(error)
+    except BaseException:  # as in Leaf.on_tick
+        return ""
+
+
+def shown(value: object) -> str:
+    """Return what a leaf gave, whatever that is, for a message."""
+    try:
+        return repr(value)[:80]
+    except BaseException:  # as in message_of
+        return f"a {type(value).__name__}"
+
 
 # What a leaf is written with comes from one module.
 __all__ = ["FAILURE", "IDLE", "REQUIRED", "RUNNING", "SUCCESS", "Argument", "Leaf", "argument", "log"]

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
+from behaviours.head import LATELY, Seen
 from behaviours.leaf import argument
 from behaviours.search import Search
-from behaviours.seeing import LATELY, Seen
 from perception.api import Marker
 
 _STORED = "the robot: id, number, name, yaw, pitch, distance, heading"

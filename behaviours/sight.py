@@ -9,9 +9,9 @@ from typing import Self
 
 from py_trees.common import Status
 
+from behaviours.head import LATELY, Seeing
 from behaviours.leaf import SUCCESS, argument
 from behaviours.search import Search
-from behaviours.seeing import LATELY, Seeing
 from drivers.api import Pose2D
 from drivers.api.quick import dataclass
 from perception.api import UNKNOWN, Face

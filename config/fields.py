@@ -3,9 +3,8 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from config.faults import Diagnostic, InvalidFileError, Mark, Source, note
+from config.faults import KEYS, Diagnostic, InvalidFileError, Mark, Source, key_meant, note, ours_for
 from config.marked import Listing, Mapping, Node, Scalar, compose, read_source
-from config.synonyms import KEYS, key_meant, ours_for
 from config.units import in_dimension, written
 
 

@@ -15,14 +15,14 @@ import numpy as np
 import missions
 from missions.executive.events import Event
 from missions.library.shipped import load_mission, shipped_missions
-from missions.studio.wishes import protocol
-from missions.views.pictures.compare import compare
-from missions.views.pictures.draw import at, drawing_of
-from missions.views.pictures.drawing import Drawing
-from missions.views.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES, Dump
-from missions.views.pictures.page.document import without_assets
-from missions.views.pictures.states import states_at
-from missions.views.pictures.tree_json import schema
+from missions.plugins.pictures.compare import compare
+from missions.plugins.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES, Dump
+from missions.plugins.pictures.page.document import without_assets
+from missions.plugins.studio.wishes import protocol
+from missions.trees.draw import at, drawing_of
+from missions.trees.drawing import Drawing
+from missions.trees.states import states_at
+from missions.trees.tree_json import schema
 
 ROOT = Path(__file__).parents[1]
 GALLERY = ROOT / "docs" / "gallery"

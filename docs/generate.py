@@ -28,6 +28,8 @@ from docs import claims, dumps
 from drivers.api.gait import GaitKeys
 from drivers.clock import ManualClock
 from drivers.table import HOUSE
+from missions.control.form import members
+from missions.control.messages import ERRORS, MESSAGES
 from missions.executive.state import state_of
 from missions.language.counts import COUNTS
 from missions.language.nodes import COMPOSITES, MODIFIERS
@@ -35,13 +37,11 @@ from missions.language.operators import FUNCTIONS
 from missions.language.param_types import TYPES
 from missions.library.catalogue import bounds, details, kind_of, shown_default, summary
 from missions.library.drivers import Table
-from missions.schema.reference import code, keys_table, robot_reference, table
-from missions.studio.form import members
-from missions.studio.messages import ERRORS, MESSAGES
-from missions.studio.wishes import COMMANDS
-from missions.testing.failsafe.ride import stepped_through
-from missions.testing.failsafe.settings import CHOICES, FAULTS, SILENCE, Setting
-from missions.testing.failsafe.words import steps
+from missions.plugins.schema.robots import code, keys_table, robot_reference, table
+from missions.plugins.studio.wishes import COMMANDS
+from missions.plugins.testing.failsafe.ride import stepped_through
+from missions.plugins.testing.failsafe.settings import CHOICES, FAULTS, SILENCE, Setting
+from missions.plugins.testing.failsafe.words import steps
 
 HERE = Path(__file__).parent
 

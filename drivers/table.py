@@ -14,13 +14,13 @@ HOUSE: Mapping[str, Mapping[str, str]] = {
     "head": {
         "arduino": "drivers.arduino.declared:ARDUINO",
         "arduino_second": "drivers.arduino.declared:SECOND",
-        "dynamixel": "drivers.dynamixel.declared:NECK",
+        "dynamixel": "drivers.servos.declared:NECK",
         "pca9685": "drivers.pi_car.declared:PI_HEAD",
         "ros2": "drivers.ros2.declared:HEAD",
     },
     "arm": {
-        "dynamixel": "drivers.dynamixel.declared:ARM",
-        "feetech": "drivers.feetech.declared:ARM",
+        "dynamixel": "drivers.servos.declared:ARM",
+        "feetech": "drivers.servos.feetech:ARM",
         "ros2": "drivers.ros2.declared:ARM",
     },
     "imu": {"witmotion": "drivers.witmotion.declared:WITMOTION"},

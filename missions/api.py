@@ -23,6 +23,9 @@ from drivers.api import Reflexes
 from drivers.api.kinds import SOUNDING
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
+from missions.control.control import ControlSocket
+from missions.control.holders import WITHOUT_STOP
+from missions.control.pictures import Pictures
 from missions.executive.answers import Answers
 from missions.executive.asked import asked
 from missions.executive.build import build
@@ -31,12 +34,9 @@ from missions.executive.guard import Guard
 from missions.executive.state import state_of
 from missions.executive.stream import Listener, Stream
 from missions.executive.watchdog import Limits
-from missions.order import RunRequest, Simulate, contradictions
+from missions.request import RunRequest, Simulate, contradictions
 from missions.runner import PATIENT, Runner, ports_of
 from missions.runner import load as load_plan
-from missions.studio.control import ControlSocket
-from missions.studio.holders import WITHOUT_STOP
-from missions.studio.pictures import Pictures
 
 Params = Mapping[str, object]
 """A mission's params by name: texts as a mission would write them ("5 s"), or plain numbers and flags."""

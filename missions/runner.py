@@ -35,7 +35,7 @@ from missions.library.interests import interests_of
 from missions.library.shipped import behaviour_files, load_mission
 from missions.library.target import target_of, target_of_parts
 from missions.library.vocabulary import vocabulary
-from missions.order import RunRequest
+from missions.request import RunRequest
 from perception.api import Frame, Gaze, View, ignore
 
 if TYPE_CHECKING:

@@ -9,14 +9,213 @@ that are independent of the first agreed than not.
 """
 
 from collections.abc import Iterable, Sequence
-from math import hypot, inf
-from typing import Protocol, runtime_checkable
+from dataclasses import dataclass, replace
+from math import hypot, inf, log2
+from typing import Protocol, cast, runtime_checkable
+
+import cv2
+import numpy as np
+import numpy.typing as npt
 
 from perception.api import Box, Detection, Image
-from perception.known import RETRY, SAME, TRUST, Known, distinct
-from perception.light import Grey, check
-from perception.sighting import Sighting
+from perception.light import Grey, check, grey, resized, window
+from perception.tracks import Sighting
 from perception.turns import ANY, Search, Still
+
+# Following a patch of the picture from one frame to the next by sparse optical flow.
+
+Floats = npt.NDArray[np.float32]
+Points = Floats
+"""Places in a picture: shape (n, 1, 2), dtype float32, x then y in pixels."""
+
+REACH = 2.4  # how much of the picture is looked at, in widths of the box: it may move by 0.7 of one from frame to frame
+REACH_PIXELS = 40  # or by these, where that is more: a head that pans at 60 degrees/s moves the picture by 32 in 50 ms
+PATCH = 32  # pixels to which a larger box is shrunk: what it costs does not grow with the face
+CORNERS = 20
+INNER = 0.8  # of the box is looked at for corners
+WINDOW = (9, 9)  # pixels around a corner that are compared
+ENOUGH = 6  # points that must be followed for the result to count
+RETURN = 1.0  # pixels by which a point may miss its start when it is followed back
+
+
+def carry(before: Image | Grey, after: Image | Grey, box: Box) -> Box | None:
+    """Return where the patch in ``box`` of ``before`` is in ``after``; None when it can't be followed.
+
+    Corners on the inner part of the box are followed with pyramidal Lucas-Kanade, forth and back; those that do not
+    return to their start are dropped, the median of the rest moves the box, the change of their spread scales it.
+    """
+    if before.shape != after.shape or box.width <= 0:
+        return None
+    rows, columns = window(before.shape, box, max(REACH, 1.0 + 2 * REACH_PIXELS / box.width))
+    if before[rows, columns].size == 0:
+        return None
+    scale = min(1.0, PATCH / box.width)
+    old, new = (_shrunk(grey(picture[rows, columns]), scale) for picture in (before, after))
+    inner = Box((box.x - columns.start) * scale, (box.y - rows.start) * scale, box.width * scale, box.height * scale)
+    start = _corners(old, inner)
+    if start is None:
+        return None
+    pairs = _followed(old, new, start)
+    if pairs is None:
+        return None
+    return _moved(box, *pairs, scale, before.shape)
+
+
+def _shrunk(picture: Grey, scale: float) -> Grey:
+    """Return a picture ``scale`` times as large: halved first, as other averages take five times as long.
+
+    Up to a pixel of the result is missing at the right and the bottom.
+    """
+    part = 2 ** int(-log2(scale))
+    height, width = (side // part for side in picture.shape[:2])
+    if part > 1 and min(height, width) > 0:
+        even = picture[: height * part, : width * part]
+        picture, scale = cast(Grey, cv2.resize(even, (width, height), interpolation=cv2.INTER_AREA)), scale * part
+    return resized(picture, scale)
+
+
+def _corners(picture: Grey, box: Box) -> Points | None:
+    """Points worth following on the inner part of the box, away from the background at its edges."""
+    rows, columns = window(picture.shape, box, INNER)
+    if picture[rows, columns].size == 0:
+        return None
+    # OpenCV says None for no corner at all, which its type stubs leave out.
+    found = cast(Points | None, cv2.goodFeaturesToTrack(picture[rows, columns], CORNERS, 0.02, 3))
+    return None if found is None else found + np.array((columns.start, rows.start), np.float32)
+
+
+def _followed(old: Grey, new: Grey, start: Points) -> tuple[Points, Points] | None:
+    """The points that were followed forth and back, before and after, each of shape (n, 2)."""
+    there, seen, _ = cv2.calcOpticalFlowPyrLK(old, new, start, start.copy(), winSize=WINDOW, maxLevel=3)
+    back, seen_back, _ = cv2.calcOpticalFlowPyrLK(new, old, there, there.copy(), winSize=WINDOW, maxLevel=3)
+    missed_by = np.hypot(*(back - start).reshape(-1, 2).T)
+    good = (seen.ravel() == 1) & (seen_back.ravel() == 1) & (missed_by < RETURN)
+    if np.count_nonzero(good) < ENOUGH:
+        return None
+    return cast(Points, start.reshape(-1, 2)[good]), cast(Points, there.reshape(-1, 2)[good])
+
+
+def _moved(box: Box, start: Points, there: Points, scale: float, shape: tuple[int, ...]) -> Box | None:
+    """Move and scale the box as the points did; None when it has left the picture."""
+    middle, middle_there = _median(start), _median(there)
+    spread = float(_median(np.hypot(*(start - middle).T)))
+    spread_there = float(_median(np.hypot(*(there - middle_there).T)))
+    growth = min(max(spread_there / max(spread, 1.0), 0.9), 1.1)
+    shift_x, shift_y = _median(there - start) / scale
+    x, y = box.centre[0] + float(shift_x), box.centre[1] + float(shift_y)
+    if not (0 <= x < shape[1] and 0 <= y < shape[0]):
+        return None
+    width, height = box.width * growth, box.height * growth
+    return Box(x - width / 2, y - height / 2, width, height)
+
+
+def _median(values: Floats) -> Floats:
+    """Return the (upper) median along the first axis; numpy's own takes ten times as long for so few."""
+    return cast(Floats, np.sort(values, axis=0)[len(values) // 2])
+
+
+# One face that is followed: how often it was found and borne out, and when it is looked for again.
+
+SAME = 0.3
+"""Overlap from which on two boxes are one face."""
+
+SURE = 0.6
+"""Overlap from which on the detector agrees with the flow: a Haar box jitters by a tenth of its width."""
+
+REST = 2
+"""Frames in a row in which flow may leave out a face of many."""
+
+RETRY = 5
+"""Frames from a search that missed a face to the next."""
+
+TRUST = 3
+"""What a face can earn at most: one for each search whose witnesses agree, less one for each that fails."""
+
+
+@dataclass(slots=True)
+class Known:
+    """A face that is followed: ``times`` it was found, ``misses`` since, frames until its search is ``due``.
+
+    ``rest`` is from one search to the next, in frames; ``trust`` the searches that agreed less those that did not.
+    ``measured`` is the newest picture in which its place was found, and that place; ``rested`` the frames since, and
+    ``drift`` how far it moved from frame to frame before, in pixels. It ``rests`` where no flow carries it now.
+    """
+
+    detection: Detection
+    found: bool = True
+    times: int = 1
+    misses: int = 0
+    due: int = 1
+    rest: int = 1
+    trust: int = 0
+    believed: bool = False
+    aside: int = 0
+    measured: tuple[Image | Grey, Box] | None = None
+    drift: tuple[float, float] = (0.0, 0.0)
+    rests: bool = False
+    rested: int = 0
+
+    def weigh(self, agreed: bool) -> None:
+        """Others were asked whether it is a face: while that is open, they are asked in each frame."""
+        self.trust = min(max(self.trust + (1 if agreed else -1), -TRUST), TRUST)
+        self.believed |= self.trust > 0
+        if -TRUST < self.trust <= 0:
+            self.rest = self.due = 1
+
+    def carry(self, before: Image | Grey, image: Image | Grey) -> bool:
+        """Bring it to the next frame by optical flow, from ``before`` at least; False where that fails."""
+        shown, box = self.measured or (before, self.detection.box)
+        frames, self.rested = self.rested + 1, 0
+        carried = carry(shown, image, box)
+        if carried is None:
+            return False
+        (x, y), (was_x, was_y) = carried.centre, box.centre
+        self.drift = (x - was_x) / frames, (y - was_y) / frames
+        self.detection = replace(self.detection, box=carried)
+        return True
+
+    def moves_on(self) -> bool:
+        """Let it move on as before, without a look at the frame; False where one is due, or the last had none."""
+        if self.trust <= 0 or self.due <= 1 or self.rested >= REST or self.measured is None:
+            return False
+        box, (x, y) = self.detection.box, self.drift
+        self.detection = replace(self.detection, box=replace(box, x=box.x + x, y=box.y + y))
+        self.rested += 1
+        return True
+
+    def settle(self, image: Image | Grey) -> None:
+        """End a frame: its place was found in it, unless it rests."""
+        if not self.rests:
+            self.measured, self.rested = (image, self.detection.box), 0
+        self.rests = False
+
+    def accept(self, detection: Detection, longest: int) -> None:
+        """The detector has found it again."""
+        agrees = self.detection.box.overlap(detection.box) > SURE
+        self.rest = min(2 * self.rest, longest) if agrees else 1
+        self.detection, self.found = detection, True
+        self.times, self.misses, self.aside, self.due = self.times + 1, 0, 0, self.rest
+
+    def turn(self) -> None:
+        """It looks to one side, where flow has carried it."""
+        self.aside += 1
+        self.rest, self.due = 1, RETRY
+
+    def miss(self) -> None:
+        """The detector has not found it where the flow has carried it."""
+        self.misses += 1
+        self.weigh(False)
+        self.rest, self.due = 1, RETRY
+
+
+def distinct(followed: Iterable[Known]) -> list[Known]:
+    """Return the faces; where two boxes have come to lie on one, that which is known for longer."""
+    kept: list[Known] = []
+    for known in followed:
+        if all(known.detection.box.overlap(other.detection.box) <= SAME for other in kept):
+            kept.append(known)
+    return kept
+
 
 MISSING = 25
 """Frames for which the whole picture is searched that often too, after a face was lost."""

@@ -6,8 +6,7 @@ from typing import Protocol, TypeVar, runtime_checkable
 
 from perception.api import Face, Frame, Gaze, Image, Marker, Percept, Scene, Thing
 from perception.geometry import Pinhole
-from perception.sighting import Sighting
-from perception.tracks import Tracker
+from perception.tracks import Sighting, Tracker
 
 P_co = TypeVar("P_co", bound=Percept, covariant=True)
 

@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 
 from perception.api import Box, Image
-from perception.colour import Colour, Labels, Palette, Places, balanced, in_disc
-from perception.shapes import Contour, outline
+from perception.colour import Colour, Contour, Labels, Palette, Places, balanced, in_disc, outline
 
 WIDTH = 320
 """Pixels of the width to which a picture is shrunk before it is searched: a quarter of the work, half of the noise."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 from math import hypot, radians, sqrt
 from typing import Any, Generic, Protocol, TypeVar
 
-from perception.api import Box, Gaze, Percept
+from perception.api import Box, Detection, Face, Gaze, Percept
 from perception.geometry import Pinhole, look, wrap
 
 MEASURED = radians(0.4)
@@ -298,3 +298,38 @@ def _measure(sighting: Sighted[P], camera: Pinhole, gaze: Gaze) -> _Measured[P]:
     bearing, elevation = camera.angles(*sighting.box.centre)
     yaw, pitch = look(gaze, bearing, elevation)
     return _Measured(sighting, bearing, elevation, yaw, pitch, sighting.distance(camera), gaze.doubt)
+
+
+# What the finder tells of one frame.
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """Where a face is in one frame: ``found`` there by the detector, or else carried there by optical flow.
+
+    One that is not ``believed`` is a candidate: so far only the search that found it takes it for a face. ``who`` is
+    whose it truly is, which only simulated eyes know.
+    """
+
+    detection: Detection
+    found: bool
+    who: str = ""
+    believed: bool = True
+
+    @property
+    def box(self) -> Box:
+        """Where in the frame."""
+        return self.detection.box
+
+    @property
+    def kind(self) -> str:
+        """What it can be followed as: any face may be that of anybody."""
+        return "face"
+
+    def distance(self, camera: Pinhole) -> float:
+        """Guess how far away it is, in metres."""
+        return camera.distance(self.box)
+
+    def percept(self, followed: Percept) -> Face:
+        """Return what others are told of it."""
+        return Face(**common(followed))

@@ -26,19 +26,19 @@ from types import TracebackType
 from typing import IO, Any, NoReturn, Self
 
 IMPORTED = (
-    "behaviours.driving.straight",
+    "behaviours.driving.motion",
     "drivers.arduino.make",
     "drivers.kobuki.make",
-    "drivers.virtual.kobuki",
-    "drivers.virtual.rodney",
-    "drivers.virtual.servo",
+    "drivers.kobuki.virtual",
+    "drivers.arduino.virtual",
+    "drivers.servos.virtual.servo",
     "drivers.virtual.terminal",
     "missions.assembly.simulation",
     "missions.cli.root",
     "missions.cli.run",
-    "missions.cli.studio",
-    "missions.records.recording.recorder",
-    "missions.studio.serving",
+    "missions.plugins.studio.command",
+    "missions.plugins.records.recording.recorder",
+    "missions.plugins.studio.serving",
     "uvicorn.protocols.http.h11_impl",
     "uvicorn.protocols.websockets.websockets_sansio_impl",
 )

@@ -51,14 +51,14 @@ FAULTS = (
     Planted("speed limit of the base not applied", "drivers/base/limits.py", "if excess == 1.0:", "if True:"),
     Planted(
         "speed limit of a joint not applied",
-        "drivers/sim/twins/servo.py",
+        "drivers/servos/servo_twin.py",
         "min(max(speed, 0.0), joint.limits.speed)",
         "9.0",
     ),
-    Planted("head's goals not clamped", "drivers/sim/twins/head.py", "self.limits.clamp(target)", "target"),
+    Planted("head's goals not clamped", "drivers/arduino/twin.py", "self.limits.clamp(target)", "target"),
     Planted(
         "joints' goals not clamped",
-        "drivers/dynamixel/commanded.py",
+        "drivers/servos/commanded.py",
         "accepted[name] = joint.clamp(goal)",
         "accepted[name] = goal",
     ),
@@ -113,7 +113,7 @@ FAULTS = (
     ),
     Planted(
         "arm not held at the end",
-        "drivers/sim/twins/joints.py",
+        "drivers/servos/twin.py",
         "self._telling.unrested(self._settle(self._servos, stiff=self._stiff_at_rest), stiff=self._stiff_at_rest)",
         "pass",
     ),
@@ -134,8 +134,16 @@ FAULTS = (
         "leaf.since < returned - 1e9:",
     ),
     Planted("nobody looks at the base during a pause", EXECUTIVE, "                self._keep_watch(due)\n", ""),
-    Planted("tasks not synced", "missions/service/schema.py", "synchronous = FULL", "synchronous = OFF", by=POWER),
-    Planted("record not synced", "missions/records/recording/sink.py", "os.fdatasync(self._number)", "pass", by=POWER),
+    Planted(
+        "tasks not synced", "missions/plugins/tasks/schema.py", "synchronous = FULL", "synchronous = OFF", by=POWER
+    ),
+    Planted(
+        "record not synced",
+        "missions/plugins/records/recording/writer.py",
+        "os.fdatasync(self._number)",
+        "pass",
+        by=POWER,
+    ),
     Planted(
         "a record loses an answer",
         "missions/executive/answers.py",

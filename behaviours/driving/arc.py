@@ -4,8 +4,7 @@ import math
 
 from py_trees.common import Status
 
-from behaviours.driving.motion import CRAWL, TURN_CRAWL, Motion
-from behaviours.driving.time_limit import seconds_to_drive, seconds_to_turn
+from behaviours.driving.motion import CRAWL, TURN_CRAWL, Motion, seconds_to_drive, seconds_to_turn
 from behaviours.leaf import argument
 from drivers.api import Angle, BaseState, Pose2D, Velocity
 

@@ -5,8 +5,7 @@ from abc import abstractmethod
 
 from py_trees.common import Status
 
-from behaviours.driving.motion import Motion, held_up
-from behaviours.driving.time_limit import NO_PROGRESS_LIMIT
+from behaviours.driving.motion import NO_PROGRESS_LIMIT, Motion, held_up
 from behaviours.leaf import SUCCESS
 from behaviours.requesting import INTERRUPTED, ended
 from drivers.api import BaseState, GoalState, Pose2D, Ros2

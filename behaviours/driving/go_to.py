@@ -5,9 +5,7 @@ import math
 from py_trees.common import Status
 
 from behaviours.driving.entrusting import Entrusting
-from behaviours.driving.motion import CRAWL, Way
-from behaviours.driving.spin import Spin
-from behaviours.driving.time_limit import seconds_to_drive, seconds_to_turn
+from behaviours.driving.motion import CRAWL, Spin, Way, seconds_to_drive, seconds_to_turn
 from behaviours.leaf import SUCCESS, argument
 from drivers.api import BaseState, Length, Pose2D, Ros2, Velocity
 from drivers.api.measures import length_text

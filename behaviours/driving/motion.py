@@ -3,11 +3,11 @@
 import math
 from abc import abstractmethod
 from enum import Enum
+from math import isfinite
 
 from py_trees.common import Status
 
-from behaviours.driving.time_limit import MotionClock, limit_of
-from behaviours.leaf import SUCCESS, Leaf
+from behaviours.leaf import SUCCESS, Leaf, argument
 from behaviours.run import BY_DEAD_RECKONING
 from drivers.api import (
     STILL,
@@ -22,6 +22,86 @@ from drivers.api import (
     Velocity,
     is_guarded,
 )
+
+# The time limit of a motion: the time that it can take plus a margin, on a clock that slows while it is held up.
+
+MARGIN_SHARE, MARGIN = 1.5, 5.0
+"""A motion may take so many times as long as it can take, and so many seconds more."""
+
+LONGEST_TICK = 1.0
+"""Seconds between two ticks that count at most: a run that is paused is not ticked, so a pause counts as one second."""
+
+NO_PROGRESS_LIMIT = 30.0
+"""Seconds for which a motion that a node of ROS 2 does may stand still. Nav2 gives up after 10 s by itself."""
+
+UNHINDERED = ("", "limited")
+"""Reasons for which a base goes slower than wanted that do not stop the clock."""
+
+
+def seconds_for(way: float, speed: float, limit: float, acceleration: float) -> float:
+    """Return how long a way (m or rad) takes from rest to rest: two ramps, and braking that is half as hard."""
+    fastest = max(min(abs(speed), limit), 1e-6)
+    return abs(way) / fastest + 3 * fastest / acceleration
+
+
+def seconds_to_drive(way: float, speed: float, limits: BaseLimits) -> float:
+    """Return how long it takes to drive a way in metres."""
+    return seconds_for(way, speed, limits.speed, limits.acceleration)
+
+
+def seconds_to_turn(angle: float, speed: float, limits: BaseLimits) -> float:
+    """Return how long it takes to turn by an angle in radians."""
+    return seconds_for(angle, speed, limits.turn, limits.turn_acceleration)
+
+
+class MotionClock:
+    """Counts the seconds in which a motion could go on."""
+
+    def __init__(self) -> None:
+        self.spent = 0.0
+        self._at: float | None = None
+
+    def restart(self) -> None:
+        """Begin at 0."""
+        self.spent, self._at = 0.0, None
+
+    def stop(self) -> None:
+        """Stand still until the next ``run``: a person has the wheels, or nothing is known of the base."""
+        self._at = None
+
+    def grant(self, seconds: float) -> None:
+        """Give so many seconds more, for work that the limit does not know of."""
+        self.spent -= seconds
+
+    def scale(self, before: float, limit: float) -> None:
+        """Keep the share that is spent of a limit when it changes from ``before`` to ``limit`` seconds."""
+        if isfinite(before) and isfinite(limit):
+            self.spent *= limit / before
+
+    def run(self, now: float, steering: Steering) -> float:
+        """Go on until ``now``, as fast as the base may of what is wanted; return the seconds spent."""
+        if self._at is not None:
+            self.spent += min(now - self._at, LONGEST_TICK) * _share(steering)
+        self._at = now
+        return self.spent
+
+
+def limit_of(seconds: float) -> float:
+    """Return the time limit of a motion that can be done in so many seconds."""
+    return MARGIN_SHARE * seconds + MARGIN
+
+
+def _share(steering: Steering) -> float:
+    """Return which share of what is wanted the base may do: less where something holds it up, such as an obstacle."""
+    if steering.because in UNHINDERED or steering.fault:
+        return 1.0
+    wanted, given = _size(steering.wanted), _size(steering.given)
+    return 1.0 if wanted == 0.0 else min(1.0, given / wanted)
+
+
+def _size(velocity: Velocity) -> float:
+    return abs(velocity.linear) or abs(velocity.angular)
+
 
 BRAKING, TURN_BRAKING = 0.5, 0.34
 """Which share of the base's greatest acceleration, and turn acceleration, the approach to a goal counts on."""
@@ -63,7 +143,7 @@ class Motion(Leaf):
     It fails by what the base feels in its way, and while the base is latched. While a person, or a reflex, has the
     wheels it waits, and goes on from where the base is then. What the base refuses for any other reason, such as an
     edge that it has not left behind, fails it too; what the range guard sees in its way, once it has stayed there; and
-    its time limit, see ``behaviours.driving.time_limit``.
+    its time limit, see ``behaviours.driving.motion``.
     """
 
     needs = frozenset({"base"})
@@ -259,3 +339,121 @@ def overriding(steering: Steering) -> str:
     if steering.source is Source.SAFETY:
         return steering.because or "a reflex has the wheels"
     return ""
+
+
+# Turning on the spot to a heading, exactly: what all leaves do the same way that end with a turn.
+
+FINE = math.radians(0.1)
+"""Radians beside the heading that are near enough."""
+
+NUDGE = TURN_CRAWL / 2
+"""Turn rate of a correction in rad/s: the wheels of a Kobuki turn at 4 mm/s then, of which it knows whole ones."""
+
+MAX_NUDGE_GRANT = 5.0
+"""Seconds by which a correction extends the time limit at most: with rare odometry a turn ends degrees beside."""
+
+NUDGES = 3
+"""Corrections at most: where they do not help, more of them will not."""
+
+
+class Spin(Motion):
+    """A motion that turns to a heading.
+
+    How late the base obeys is not known, so it stops up to half a degree beside the heading. What is left it does in
+    nudges: for a time that is reckoned before, so that the lag does not matter.
+    """
+
+    _nudges = 0
+    _nudge: tuple[float, float] | None = None  # its turn rate, and when it ends
+    _rolls_until = -math.inf
+
+    def initialise(self) -> None:
+        super().initialise()
+        self._nudges, self._nudge, self._rolls_until = 0, None, -math.inf
+
+    def resume(self, state: BaseState) -> None:
+        super().resume(state)
+        self._nudges, self._nudge = 0, None
+
+    def turn_to(self, heading: float, direction: float, speed: float, state: BaseState, doing: str) -> Status:
+        """Turn to ``heading`` (radians), left for a positive ``direction``, at ``speed`` rad/s at most.
+
+        Succeeds once it stands still.
+        """
+        left, now = heading - state.pose.heading, self.run.now()
+        if self._nudge is not None:
+            rate, ends = self._nudge
+            if now < ends:
+                return self.steer(Velocity(0.0, rate), doing)
+            self._nudge, self._stopping, self._rolls_until = None, False, now + REACTION
+            return self.come_to_rest(math.inf)
+        rate = self.approach(left * direction, braking=self.turn_braking, crawl=TURN_CRAWL)
+        if rate > 0.0 and self._nudges == 0:
+            return self.steer(Velocity(0.0, direction * min(rate, speed)), doing)
+        if self.come_to_rest(state.velocity.angular) is not SUCCESS or now < self._rolls_until:
+            return self.wait("stopping")
+        if abs(left) <= FINE or self._nudges == NUDGES:
+            return SUCCESS
+        self._nudges += 1
+        seconds = abs(left) / NUDGE
+        self._clock.grant(min(seconds, MAX_NUDGE_GRANT))
+        self._nudge = math.copysign(NUDGE, left), now + seconds
+        return self.steer(Velocity(0.0, self._nudge[0]), doing)
+
+
+# The leaf that drives straight ahead or back.
+
+STEERING = 2.0
+"""rad/s for each radian off the line: a degree is turned back within about a second."""
+
+MOST_STEERING = 0.5
+"""rad/s at most."""
+
+
+class Drive(Motion):
+    """Drive straight ahead, or back for a negative distance.
+
+    Running until the distance is covered by odometry and the base stands still, then succeeds.
+    Fails when it bumps into something or comes to a cliff, when a wheel drops, once the range guard has seen something
+    in its way for 5 s, and while the base is stopped until somebody enables it. While somebody steers the base by hand
+    it waits, then goes on along its line.
+    """
+
+    word = "drive"
+    stores = "how far it went, by odometry (m; negative backwards)"
+    keeps = Length
+    distance: float = argument("length", "how far; negative is backwards", principal=True)
+    speed: float = argument("speed", "how fast", default=0.2, low=0.01, high=0.7)
+    _direction = 1.0
+
+    @property
+    def way(self) -> Way:
+        return Way.AHEAD if self._direction > 0 else Way.BACK
+
+    def initialise(self) -> None:
+        super().initialise()
+        self._direction = math.copysign(1.0, self.distance)
+
+    def seconds_needed(self, state: BaseState, start: Pose2D) -> float:
+        return seconds_to_drive(self.distance - along(start, state.pose), self.speed, self.robot.base.limits)
+
+    def resume(self, state: BaseState) -> None:
+        super().resume(state)
+        if self._start is not None:
+            self._direction = math.copysign(1.0, self.distance - along(self._start, state.pose))
+
+    def go(self, state: BaseState, start: Pose2D) -> Status:
+        gone = self.result = along(start, state.pose)
+        speed = self.approach((self.distance - gone) * self._direction, braking=self.braking, crawl=CRAWL)
+        if speed == 0.0:
+            return self.come_to_rest(state.velocity.linear)
+        steer = STEERING * (start.heading - state.pose.heading)
+        turn = max(-MOST_STEERING, min(MOST_STEERING, steer))
+        return self.steer(
+            Velocity(self._direction * min(speed, self.speed), turn), f"{gone:.2f} of {self.distance:.2f} m"
+        )
+
+
+def along(start: Pose2D, now: Pose2D) -> float:
+    """Return how far ``now`` lies ahead of ``start`` along its heading, in metres."""
+    return (now.x - start.x) * math.cos(start.heading) + (now.y - start.y) * math.sin(start.heading)

@@ -4,9 +4,7 @@ import math
 
 from py_trees.common import Status
 
-from behaviours.driving.motion import Way
-from behaviours.driving.spin import Spin
-from behaviours.driving.time_limit import seconds_to_turn
+from behaviours.driving.motion import Spin, Way, seconds_to_turn
 from behaviours.leaf import argument
 from drivers.api import Angle, BaseState, Pose2D
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from behaviours.leaf import argument
-from behaviours.objects import named
+from behaviours.search import named
 from behaviours.tracking.track import Track
 from perception.api import Thing, Wanted
 

@@ -44,7 +44,6 @@ from drivers.api.device import (
 from drivers.api.head import HEAD_ACCELERATION, Head, HeadLimits, HeadPose
 from drivers.api.joints import Coupling, Gesture, Interpolation, JointLimits, Joints, JointState, Keyframe
 from drivers.api.measures import Angle, Angles, Duration, Image, Length, Ranges, Samples
-from drivers.api.range_guard import is_guarded
 from drivers.api.renamed import renamed
 from drivers.api.ros2 import GoalState, Progress, Ros2
 from drivers.api.screen import Mood, Screen, Shown
@@ -62,7 +61,7 @@ from drivers.api.sensors import (
     Witnessed,
     wrapped,
 )
-from drivers.api.steering import COMMAND_LIFE, STILL, Reflexes, Source, Steered, Steering, Velocity
+from drivers.api.steering import COMMAND_LIFE, STILL, Reflexes, Source, Steered, Steering, Velocity, is_guarded
 from drivers.api.voice import AS_USUAL, Manner, Mouth, MouthShape, Priority, Utterance, Voice
 
 __all__ = [

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 from drivers.api.device import Report, ignore
 from drivers.api.keys import Mistake
@@ -59,7 +59,7 @@ class Driver:
     ``usb`` are the adapters that it may be behind, as ``0403:6014``, or with the serial number of one that is in no
     other device, ``0403:6001:kobuki_*``. Without any it is looked for behind every adapter.
 
-    ``checkup`` is the dotted name of a ``drivers.api.findings.Checkup``, by which `mission doctor` looks at the device
+    ``checkup`` is the dotted name of a ``drivers.api.driver.Checkup``, by which `mission doctor` looks at the device
     at rest; a driver without one that has a probe is looked at by that.
     """
 
@@ -100,3 +100,40 @@ def resolved(name: str) -> Any:
     if not colon or not module or not attribute:
         raise ValueError(f"'{name}' is no dotted name such as my_robot.base:make")
     return getattr(import_module(module), attribute)
+
+
+# What a check-up finds: of the machine, or of a device of the robot that its driver looks at.
+
+Verdict = Literal["ok", "warning", "wrong"]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A line of a check-up: ``about`` which thing, ``what`` was found, and the ``cure`` where that is no good.
+
+    In a cure ``ROBOT`` and ``PORT`` stand for the robot and the port that it is about; two blanks part a command from
+    words on it.
+    """
+
+    about: str
+    what: str
+    verdict: Verdict = "ok"
+    cure: str = ""
+
+
+def warning(about: str, what: str, cure: str) -> Finding:
+    """Return what may do harm, or will."""
+    return Finding(about, what, "warning", cure)
+
+
+def wrong(about: str, what: str, cure: str) -> Finding:
+    """Return what keeps the robot from working."""
+    return Finding(about, what, "wrong", cure)
+
+
+Checkup = Callable[[Any, Site], Iterable[Finding]]
+"""Looks at a device at rest: called with the keys of its section and a ``Site``, whose port is there and free.
+
+It opens the device by itself, only reads, and closes it whatever happens: nothing moves, nothing is written. What it
+raises of ``DriverError`` is told as wrong, with its hint.
+"""

@@ -12,9 +12,8 @@ from drivers.api.base import BASE_RADIUS
 from drivers.api.device import Away
 from drivers.api.joints import JointLimits
 from drivers.api.keys import Mistake, inside, key, keys
-from drivers.api.range_guard import Footprint, RangeGuardKeys
 from drivers.api.screen import Mood
-from drivers.api.steering import Reflexes
+from drivers.api.steering import Footprint, RangeGuardKeys, Reflexes
 from drivers.api.voice import Manner
 
 Sector = tuple[float, float]

@@ -8,17 +8,17 @@ from enum import Enum, auto
 from threading import RLock
 from typing import Final, Protocol
 
-from drivers.absence import Absence
 from drivers.api import Away, DeviceStatus, Health, Quality, Reading, Report, ignore
 from drivers.api.quick import dataclass
 from drivers.arduino import wire
-from drivers.arduino.memory import Memory
+from drivers.arduino.reset_detector import BootState
 from drivers.arduino.session import Session
-from drivers.arduino.vigil import BootState
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.guard import guarded
-from drivers.link import Link
+from drivers.head.memory import Memory
+from drivers.transport.guard import guarded
+from drivers.transport.link import Link
+from drivers.transport.reconnect import Absence
 
 DOZE = 0.1
 """Seconds from one look at the wire to the next while nothing is to be sent; a sketch with encoders tells of them more
@@ -87,12 +87,12 @@ class Board:
     """An Arduino or Teensy with a Rodney sketch, found again whenever it was lost: the talker of ``link``.
 
     Angles are sent only while it is sure that the board has not begun anew since its servos were known to stand where
-    they do: see ``drivers.arduino.vigil``. One that does not answer at once when its port was opened is starting, and
-    asked again after ``boot_delay`` seconds. One that does has been running: its servos stand where we left them, or
-    ``remembered`` says; else that is not known, they are taken to stand where the sketch puts them, and stay there
-    until they are commanded. An assumed angle is not remembered until it was sent. DTR stays on when the port is
-    closed, so that the next program does not reset the board. After it was away ``away`` says what of before goes on.
-    The port is open while any of its devices is.
+    they do: see ``drivers.arduino.reset_detector``. One that does not answer at once when its port was opened is
+    starting, and asked again after ``boot_delay`` seconds. One that does has been running: its servos stand where we
+    left them, or ``remembered`` says; else that is not known, they are taken to stand where the sketch puts them, and
+    stay there until they are commanded. An assumed angle is not remembered until it was sent. DTR stays on when the
+    port is closed, so that the next program does not reset the board. After it was away ``away`` says what of before
+    goes on. The port is open while any of its devices is.
     """
 
     name = "head"
@@ -206,7 +206,7 @@ class Board:
         fresh = self._link.online and now - tacho.stamp <= STALE
         return Reading(rates, tacho.stamp, Quality.GOOD if fresh else Quality.STALE)
 
-    # --- the link's thread: see drivers.link.Talker -------------------------------------------------------------------
+    # --- the link's thread: see drivers.transport.link.Talker --------------------------------------------------------
 
     def connected(self) -> None:
         """Begin a session with a board that may be booting."""

@@ -4,12 +4,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from drivers.api import HEAD_ACCELERATION, HeadPose, Health, Quality, Reading, ignore
-from drivers.arduino.axis import TRAILING, ServoAxis, next_degrees
 from drivers.arduino.board import Board
 from drivers.arduino.wire import ServoAngle
 from drivers.clock import Clock
-from drivers.led import LedHead
-from drivers.pantilt import AHEAD, PanTilt
+from drivers.head.axis import TRAILING, ServoAxis, next_degrees
+from drivers.head.led import LedHead
+from drivers.head.pantilt import AHEAD, PanTilt
 
 
 class ArduinoHead(LedHead[ServoAxis]):

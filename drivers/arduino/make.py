@@ -2,12 +2,12 @@
 
 from drivers.api import Head
 from drivers.api.driver import Site
-from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.declared import ArduinoKeys, SecondKeys, ServoKeys, TwoServoKeys
 from drivers.arduino.driver import ArduinoHead
-from drivers.arduino.memory import Memory
-from drivers.link import Link
+from drivers.head.axis import ServoAxis
+from drivers.head.memory import Memory
+from drivers.transport.link import Link
 
 CURE = "flash docs/keeper_head/keeper_head.ino; look at its power and its cable"
 
@@ -17,7 +17,7 @@ def make(keys: ArduinoKeys, site: Site) -> Head:
     link = Link(site.part, site.port, keys.baud, report=site.report)
     remembered = None if site.state is None else Memory(site.state, site.port)
     if keys.protocol == "lines":
-        from drivers.keeper.head import KeeperHead  # noqa: PLC0415 - few boards have that sketch
+        from drivers.head.guardian_head import KeeperHead  # noqa: PLC0415 - few boards have that sketch
 
         return KeeperHead(
             link,

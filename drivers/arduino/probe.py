@@ -5,8 +5,8 @@ from contextlib import suppress
 
 from drivers.api.probing import Answer, Ask
 from drivers.arduino import wire
-from drivers.keeper import wire as lines
-from drivers.lines import LineFinder
+from drivers.transport import guardian_wire as lines
+from drivers.transport.lines import LineFinder
 
 RATES = (57_600, 500_000, 115_200)
 """The rate of a Nano with the Rodney sketch, of a Teensy, and of other sketches."""

@@ -5,9 +5,9 @@ from collections import Counter
 
 from drivers.api import DeviceStatus, Quality, Reading, Report
 from drivers.arduino import wire
-from drivers.arduino.vigil import BootState, DetectorState, ResetDetector
+from drivers.arduino.reset_detector import BootState, DetectorState, ResetDetector
 from drivers.clock import Clock
-from drivers.link import Link
+from drivers.transport.link import Link
 
 SILENT = 2.7
 """Seconds without a question for the time after which the board is probed: in step it asks every 2.5 s."""

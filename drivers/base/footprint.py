@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drivers.api.quick import dataclass
-from drivers.api.range_guard import Footprint
+from drivers.api.steering import Footprint
 
 Floats = npt.NDArray[np.float64]
 

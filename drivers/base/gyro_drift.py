@@ -2,7 +2,7 @@
 
 from math import degrees
 
-from drivers.api.findings import Finding, warning, wrong
+from drivers.api.driver import Finding, warning, wrong
 
 DRIFT_WARNING, DRIFT_WRONG = 0.3, 5.0
 """deg/s of a gyro at rest from which on it is worth a warning, or wrong."""

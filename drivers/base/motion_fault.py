@@ -1,11 +1,12 @@
 """The verdict of the progress monitor, and its words."""
 
+from collections import deque
 from collections.abc import Mapping
 from math import degrees
 
-from drivers.api import BaseState, Velocity
+from drivers.api import COMMAND_LIFE, STILL, BaseState, Source, Velocity
 from drivers.api.quick import dataclass
-from drivers.base.hazards import describe
+from drivers.base.changes import describe
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,3 +83,78 @@ def hint_of(state: BaseState) -> str:
     """Return what helps against the hazards that the base reports."""
     told = (describe(hazard) for hazard in sorted(state.hazards))
     return "; ".join(dict.fromkeys(hint for _, hint in filter(None, told)))
+
+
+# What follows a motion fault: the source that commanded is held until it lets go; repeated faults latch the base.
+
+LET_GO = 2 * COMMAND_LIFE
+"""Seconds without a command after which a source has let go, though it did not say so."""
+
+MAX_FAULTS = 3
+"""Faults within ``RECENT`` seconds that latch the base: to try again does not help."""
+
+RECENT = 60.0
+
+
+class MotionHold:
+    """Holds the source that commanded when a fault came.
+
+    The source is released when it stops the base, commands zero, commands the opposite direction, or is silent for
+    ``LET_GO``. So renewed commands of the same motion never restart the base. A leaf stops the base as it fails, so
+    the next leaf may move it at once. A stop of the mission releases no person. Not safe between threads.
+    """
+
+    def __init__(self) -> None:
+        self.fault: MotionFault | None = None
+        self._held: dict[Source, float] = {}  # with the time of the last command
+        self.wanted = STILL
+        """What the held source wanted when the fault came."""
+        self._faults: deque[float] = deque(maxlen=MAX_FAULTS)
+
+    def begin(self, fault: MotionFault, source: Source | None, wanted: Velocity, now: float) -> str:
+        """Hold ``source``, which ``wanted`` that; return why the base is to be latched, or nothing."""
+        self.wanted = wanted
+        self._held = {} if source is None or source is Source.SAFETY else {source: now}
+        self.fault = fault if self._held else None
+        self._faults.append(now)
+        if len(self._faults) == MAX_FAULTS and now - self._faults[0] <= RECENT:
+            self._faults.clear()
+            return f"{MAX_FAULTS} motion faults within {RECENT:g} s: {fault.reason}"
+        return ""
+
+    def refuses(self, source: Source, wanted: Velocity, now: float) -> bool:
+        """Take a command of a source; say whether it, or a person before it, is held."""
+        if source not in self._held:
+            return source is not Source.TELEOP and self.holder(now) is Source.TELEOP
+        if wanted == STILL or now - self._held[source] > LET_GO or _opposite(wanted, self.wanted):
+            self.release(source)
+            return False
+        self._held[source] = now
+        return True
+
+    def reason(self, source: Source | None) -> str:
+        """Return why a source is held; empty while it is not."""
+        return self.fault.reason if self.fault is not None and source in self._held else ""
+
+    def release(self, source: Source | None) -> None:
+        """Let a source command anew; all of them for None."""
+        if source is None:
+            self._held.clear()
+        else:
+            self._held.pop(source, None)
+        if not self._held:
+            self.fault = None
+
+    def holder(self, now: float) -> Source | None:
+        """Return the source that is held; None once it has let go."""
+        for source, at in list(self._held.items()):
+            if now - at > LET_GO:
+                self.release(source)
+        return next(iter(self._held), None)
+
+
+def _opposite(one: Velocity, other: Velocity) -> bool:
+    """Return whether a velocity leads the other way: back instead of ahead, or round to the other side."""
+    if other.linear:
+        return one.linear * other.linear < 0.0
+    return one.angular * other.angular < 0.0

@@ -21,12 +21,12 @@ from drivers.api import (
     Reading,
     Velocity,
 )
+from drivers.base.arbitrated import Settings, SteeredBase
 from drivers.base.mute import Mute
 from drivers.base.reckoning import Reckoning, TwoWheels
-from drivers.base.steered import Settings, SteeredBase
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.link import Link
+from drivers.transport.link import Link
 
 STALE_AFTER = 0.15
 """Seconds after which a report no longer counts as fresh."""
@@ -105,7 +105,7 @@ class PlainBase(Mute, SteeredBase):
         detail, hint = self._silence(now) if link.online else (link.detail, link.hint)
         return Health(False, detail, hint, counters, returned)
 
-    # What follows is drivers.link.Talker, called from the link's thread.
+    # What follows is drivers.transport.link.Talker, called from the link's thread.
 
     def connected(self) -> None:
         """Begin anew on a port just opened: nothing of before is in force, but the pose goes on from where it was."""

@@ -14,15 +14,14 @@ import numpy as np
 
 from drivers.api import STILL, DeviceStatus, Ranger, RangeScan, Report, Velocity
 from drivers.api.measures import length_text
-from drivers.api.range_guard import IN_THE_WAY, MIN_GAP, OUT_OF_SIGHT, SCANS_LATE, SCANS_MISSING
+from drivers.api.steering import IN_THE_WAY, MIN_GAP, OUT_OF_SIGHT, SCANS_LATE, SCANS_MISSING
 from drivers.base.footprint import Floats, Outline, PathPoses
 from drivers.base.limits import Limits
-from drivers.base.scan_check import flaw_of
-from drivers.base.seen_points import Placed, SeenPoints
-from drivers.history import History
+from drivers.base.seen_points import Placed, SeenPoints, flaw_of
+from drivers.transport.history import History
 
 if TYPE_CHECKING:
-    from drivers.api.range_guard import RangeGuardKeys
+    from drivers.api.steering import RangeGuardKeys
 
 LATE_AFTER, MISSING_AFTER = 0.5, 2.0
 """Seconds since the middle of the newest scan after which it counts as late, and as missing."""

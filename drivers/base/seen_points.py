@@ -6,7 +6,7 @@ return nothing, are kept for a while: a range finder measures nothing at very sh
 """
 
 from collections import deque
-from math import cos, sin, tau
+from math import cos, isfinite, sin, tau
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,22 @@ import numpy.typing as npt
 from drivers.api import RangeScan
 from drivers.api.quick import dataclass
 from drivers.base.footprint import Floats
+
+# Whether a scan can be worked with: a range finder from outside, or a node, may send anything.
+
+
+def flaw_of(scan: RangeScan) -> str:
+    """Return why a scan cannot be used, or nothing. One that sees nothing can be."""
+    if getattr(scan.ranges, "ndim", 0) != 1:
+        return "its scan is not an array of one dimension"
+    if not len(scan.ranges):
+        return "its scan has no beams"
+    if not (isfinite(scan.start) and isfinite(scan.step) and scan.step > 0.0):
+        return f"its scan begins at {scan.start} rad with a step of {scan.step} rad between beams"
+    if not isfinite(scan.stamp):
+        return f"its scan has the time {scan.stamp}"
+    return ""
+
 
 Placed = tuple[float, float, float]
 """A pose: heading in radians, x and y in metres, in the order of a base's pose history."""

@@ -15,8 +15,8 @@ from drivers.api.measures import Ranges, length_text
 from drivers.api.quick import dataclass
 from drivers.base.footprint import Floats, Outline, PathPoses
 from drivers.base.motion_fault import MotionFault
-from drivers.base.motion_window import moved
-from drivers.base.scan_check import flaw_of
+from drivers.base.progress_monitor import moved
+from drivers.base.seen_points import flaw_of
 
 INTERVAL, MAX_INTERVAL = 1.0, 2.0
 """Seconds between the two looks that are compared, at least and at most."""

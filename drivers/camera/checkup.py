@@ -5,12 +5,11 @@ from contextlib import closing
 from pathlib import Path
 
 from drivers.api import CameraFrame, Image
-from drivers.api.driver import Site
-from drivers.api.findings import Finding, warning, wrong
+from drivers.api.driver import Finding, Site, warning, wrong
 from drivers.api.senses import CameraKeys
-from drivers.camera.capture import NOT_YET
 from drivers.camera.make import make
 from drivers.camera.source import Kind, is_number, kind_of
+from drivers.pictures.capture import NOT_YET
 
 FIRST = 6.0
 """Seconds in which the first picture must come: a camera in the network says why not within 5 s."""

@@ -8,9 +8,9 @@ from drivers.api.senses import CameraKeys
 from drivers.api.turn import UPRIGHT, Turn
 from drivers.camera.reader import ReaderFeed
 from drivers.camera.source import Source
-from drivers.camera.threaded import ThreadedCamera
 from drivers.clock import Clock
 from drivers.errors import BadRequest
+from drivers.pictures.capture import ThreadedCamera
 
 
 def open_source(

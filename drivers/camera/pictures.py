@@ -6,9 +6,9 @@ from pathlib import Path
 import cv2
 
 from drivers.api import Image
-from drivers.camera.decode import grab, hush, load, opened
 from drivers.camera.source import PICTURES, VIDEOS
 from drivers.errors import BadRequest
+from drivers.pictures.decode import grab, hush, load, opened
 
 Picture = tuple[Path, int, Image]
 """The file, the number of the frame in it from 0, and the frame."""

@@ -14,15 +14,15 @@ from typing import Any, Protocol
 import numpy as np
 
 from drivers.api import Image
-from drivers.camera.decode import UNWANTED
 from drivers.camera.reader import GRAB, QUIT, RELEASE, START, TAKE
 from drivers.camera.source import Kind, kind_of
 from drivers.errors import DriverError
-from drivers.pipe import Unframer, frame
+from drivers.pictures.decode import UNWANTED
+from drivers.transport.pipe import Unframer, frame
 
 
 class BlockingFeed(Protocol):
-    """A source of pictures as ``drivers.camera.capture.Feed`` has it, that waits as long as it likes."""
+    """A source of pictures as ``drivers.pictures.capture.Feed`` has it, that waits as long as it likes."""
 
     def start(self) -> float | None:
         """Open it; return the seconds between the pictures of a recording, or None for one that is live."""
@@ -41,7 +41,7 @@ def feed_of(order: Mapping[str, Any]) -> BlockingFeed:
     """Return what reads the source of an order."""
     name, source, kind = order["name"], order["source"], kind_of(order["source"])
     if kind in {Kind.FOLDER, Kind.PICTURE}:
-        from drivers.camera.folder import FolderFeed  # noqa: PLC0415 - each process has one kind of source
+        from drivers.camera.reader import FolderFeed  # noqa: PLC0415 - each process has one kind of source
 
         return FolderFeed(name, source, order["rate"])
     scheme = str(source).partition("://")[0].lower() if kind is Kind.URL else ""

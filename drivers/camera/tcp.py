@@ -7,9 +7,9 @@ from urllib.parse import urlsplit
 
 from drivers.api import Image
 from drivers.camera.causes import missing, of_error
-from drivers.camera.decode import UNWANTED, decoded
 from drivers.camera.jpegs import BEGIN, JpegFinder
 from drivers.camera.opencv import VideoFeed
+from drivers.pictures.decode import UNWANTED, decoded
 
 ANSWER_TIMEOUT = 5.0
 """Seconds that a camera has to take the connection, and to send more."""

@@ -25,13 +25,13 @@ from urllib.request import (
 
 from drivers.api import Image
 from drivers.api.secrets import without_secrets
-from drivers.camera.capture import SILENCE
 from drivers.camera.causes import missing, of_error, of_page, of_sign_in, of_status
-from drivers.camera.decode import UNWANTED, decoded
 from drivers.camera.jpegs import BEGIN, LARGEST_PICTURE, JpegFinder
 from drivers.camera.opencv import VideoFeed
 from drivers.clock import Clock, SystemClock
 from drivers.errors import NotConnected
+from drivers.pictures.capture import SILENCE
+from drivers.pictures.decode import UNWANTED, decoded
 
 ANSWER_TIMEOUT = 5.0
 """Seconds that a camera has to answer, and to send more of what it has begun."""

@@ -12,12 +12,12 @@ from typing import Protocol
 from drivers.api.driver import BrokenDriver, Driver, resolved
 from drivers.api.probing import Answer, Ask, Probe
 from drivers.clock import Clock
-from drivers.dynamixel.adapter import quicken
 from drivers.errors import DriverError
 from drivers.finding.serial_ports import SerialPort, Trouble
 from drivers.finding.usb import ADAPTERS
-from drivers.ports import SerialPort as OpenPort
-from drivers.ports import explain, open_port
+from drivers.transport.adapter import quicken
+from drivers.transport.ports import SerialPort as OpenPort
+from drivers.transport.ports import explain, open_port
 
 PATIENCE = 0.002
 """Seconds beyond what a question waits that this computer may be late."""

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from itertools import chain
 from pathlib import Path
 
-from drivers.api.findings import Finding, warning, wrong
+from drivers.api.driver import Finding, warning, wrong
 from drivers.finding.machine import Machine
 from drivers.finding.serial_ports import SerialPort, Trouble
 from drivers.finding.survey import Desk

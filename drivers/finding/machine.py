@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from drivers.access import explain_denied
-from drivers.programs import Program, named
+from drivers.transport.access import explain_denied
+from drivers.transport.programs import Program, named
 
 LARGEST = 4096
 """Bytes that are read of a file: files of /sys are at most a page."""

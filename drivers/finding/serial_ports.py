@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 from drivers.finding.machine import Machine
 from drivers.finding.usb import ADAPTERS, Usb, all_usb, usb_of
-from drivers.ports import DEBUG_CONNECTOR, PINS, UART_ON, is_raspberry_pi_5
-from drivers.programs import Program, end_command
+from drivers.transport.ports import DEBUG_CONNECTOR, PINS, UART_ON, is_raspberry_pi_5
+from drivers.transport.programs import Program, end_command
 
 SLOW = 1
 """Milliseconds that an adapter may hold bytes back without doing harm."""

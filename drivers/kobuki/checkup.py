@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 from math import radians
 
-from drivers.api.driver import Site
-from drivers.api.findings import Finding, warning, wrong
+from drivers.api.driver import Finding, Site, warning, wrong
 from drivers.api.probing import Ask
 from drivers.base.gyro_drift import drift
 from drivers.finding.asking import OpenedPort

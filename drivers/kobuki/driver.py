@@ -22,16 +22,16 @@ from drivers.api import (
     Tune,
     Velocity,
 )
+from drivers.base.arbitrated import Settings, SteeredBase
 from drivers.base.progress_monitor import Instruments
 from drivers.base.requests import check_light, check_tone
-from drivers.base.steered import Settings, SteeredBase
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.kobuki.commands import BaseControl, RequestExtra, SetOutputs, Sound, SoundSequence
 from drivers.kobuki.listener import Identity, Listener
 from drivers.kobuki.outputs import TUNES, Outputs
 from drivers.kobuki.wire import encode
-from drivers.link import Link
+from drivers.transport.link import Link
 
 
 class Panel:
@@ -169,7 +169,7 @@ class KobukiBase(SteeredBase, Panel):
         detail, hint = self._silence(now) if link.online else (link.detail, link.hint)
         return Health(False, detail, hint, counters, returned)
 
-    # What follows is drivers.link.Talker, called from the link's thread.
+    # What follows is drivers.transport.link.Talker, called from the link's thread.
 
     def connected(self) -> None:
         """Begin anew on a port just opened: nothing of before is in force, but the pose goes on from where it was."""

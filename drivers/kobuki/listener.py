@@ -5,11 +5,11 @@ from dataclasses import replace
 
 from drivers.api import BaseState
 from drivers.api.quick import dataclass
-from drivers.delays import Delays
 from drivers.kobuki.commands import Extra
 from drivers.kobuki.feedback import FEEDBACK, Core, DockInfrared, FirmwareVersion, HardwareVersion, Inertia, UniqueId
 from drivers.kobuki.odometry import Senses
 from drivers.kobuki.wire import FrameFinder, decode
+from drivers.transport.delays import Delays
 
 
 @dataclass(frozen=True, slots=True)

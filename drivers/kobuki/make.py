@@ -1,10 +1,10 @@
 """From the keys of a robot file to the Kobuki's driver."""
 
 from drivers.api.driver import Site
-from drivers.base.steered import settings_of
+from drivers.base.arbitrated import settings_of
 from drivers.kobuki.declared import KobukiKeys
 from drivers.kobuki.driver import KobukiBase
-from drivers.link import Link
+from drivers.transport.link import Link
 
 
 def make(keys: KobukiKeys, site: Site) -> KobukiBase:

@@ -21,9 +21,8 @@ from drivers.legs.body import SIDES, Body, Floats
 from drivers.legs.checking import mistakes
 from drivers.legs.engine import Engine, Posture, legs, whole
 from drivers.legs.gait import Gait, of_keys
-from drivers.legs.kinematics import centre_of_mass, forward, sole, turning
-from drivers.legs.odometry import FootOdometry
-from drivers.legs.pattern import Pattern, Spot
+from drivers.legs.kinematics import FootOdometry, centre_of_mass, forward, sole, turning
+from drivers.legs.walker import Pattern, Spot
 
 STAND, SIT, GAIT = PERFORMED
 

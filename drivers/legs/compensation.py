@@ -8,11 +8,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drivers.dynamixel.motor import Motor
 from drivers.legs.body import SIDES, Body, Floats
 from drivers.legs.engine import PERIOD, Posture, whole
 from drivers.legs.kinematics import centres, forward, sole
 from drivers.legs.pendulum import GRAVITY
+from drivers.servos.models import Motor
 
 MOST = 0.5
 """Radians by which a goal is set ahead at most."""

@@ -30,11 +30,10 @@ from drivers.api import (
 )
 from drivers.api import Posture as Poised
 from drivers.api.gait import GaitKeys
+from drivers.base.arbitrated import Settings, SteeredBase
 from drivers.base.mute import Mute
 from drivers.base.requests import require
-from drivers.base.steered import Settings, SteeredBase
 from drivers.clock import Clock
-from drivers.dynamixel.commanded import CommandedJoints
 from drivers.errors import DeviceFault, DriverError, NotConnected
 from drivers.legs.acts import Acts
 from drivers.legs.approach import is_near
@@ -42,6 +41,7 @@ from drivers.legs.body import Floats
 from drivers.legs.compensation import Compensation
 from drivers.legs.engine import PERIOD, Engine, Felt, Posture
 from drivers.legs.falling import Falls
+from drivers.servos.commanded import CommandedJoints
 
 LONGEST_STEP = 0.03
 """Seconds of a walk that are made up for at most after a turn that came late: the walk is slower then, and no leap."""
@@ -157,7 +157,7 @@ class LegsBase(Mute, SteeredBase):
             return
         try:
             self._step()
-        except BaseException as error:  # SystemExit too, as drivers.legs.loop takes it
+        except BaseException as error:  # SystemExit too, as drivers.legs.make takes it
             with self._lock:
                 self._forget()
                 self._mux.latch(f"the walk failed: {type(error).__name__}: {error}")

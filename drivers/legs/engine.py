@@ -14,8 +14,7 @@ from drivers.legs.body import SIDES, Body, Floats
 from drivers.legs.declared import StrideKeys
 from drivers.legs.kinematics import centre_over_legs, forward, sole, turning
 from drivers.legs.leg_ik import REASONS, solve_both
-from drivers.legs.pattern import Manner, Pattern, Spot
-from drivers.legs.walker import Walker, inset_of
+from drivers.legs.walker import Manner, Pattern, Spot, Walker, inset_of
 
 PERIOD = 0.01
 """Seconds from one posture to the next."""

@@ -15,8 +15,7 @@ from drivers.legs.body import FLIPPED, SIDES, Body, Floats
 from drivers.legs.declared import StrideKeys
 from drivers.legs.engine import laid_out, legs, manner_of
 from drivers.legs.kinematics import turning
-from drivers.legs.pattern import Pattern
-from drivers.legs.walker import SHIFT, Walker
+from drivers.legs.walker import SHIFT, Pattern, Walker
 
 MOMENTS = 100
 """Moments of a cycle, whatever its period."""

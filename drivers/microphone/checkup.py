@@ -6,8 +6,7 @@ from threading import Event
 
 import numpy as np
 
-from drivers.api.driver import Site
-from drivers.api.findings import Finding, warning, wrong
+from drivers.api.driver import Finding, Site, warning, wrong
 from drivers.api.senses import MicrophoneKeys
 from drivers.api.sensors import Microphone
 from drivers.microphone.make import sound_card

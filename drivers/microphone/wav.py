@@ -7,8 +7,8 @@ import numpy as np
 from drivers.api import SOUND_RATE, DeviceStatus, Health, Report, Samples, Sound, ignore
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.guard import guarded
-from drivers.wav import BadWav, blocks, read_header
+from drivers.sound.wav import BadWav, blocks, read_header
+from drivers.transport.guard import guarded
 
 PIECE = 320
 """Samples in a piece: 20 ms."""
@@ -90,8 +90,8 @@ class WavMicrophone:
 def load(name: str, path: Path) -> Samples:
     """Return the sound in a WAV file at the rate of microphones; ``name`` wants it.
 
-    What the header says is believed as far as the file has it. Raises NotConnected for a file that ``drivers.wav``
-    refuses, for rates that no recording has, and for more than five minutes.
+    What the header says is believed as far as the file has it. Raises NotConnected for a file that
+    ``drivers.sound.wav`` refuses, for rates that no recording has, and for more than five minutes.
     """
     hint = f"`file {path}` shows what it is; `ffmpeg -i {path} -ac 1 -ar {SOUND_RATE} new.wav` makes one that fits"
     if path.exists() and not path.is_file():

@@ -1,17 +1,127 @@
 """From the keys of a robot file to the drivers of a Raspberry Pi car; each has a guardian of its own."""
 
-from collections.abc import Mapping
+import json
+import os
+import select
+import subprocess
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 from drivers.api.driver import Site
 from drivers.arduino.make import axis
-from drivers.base.steered import settings_of
-from drivers.keeper import wire
-from drivers.keeper.base import KeeperBase
-from drivers.keeper.head import KeeperHead
-from drivers.link import Link, dial
+from drivers.base.arbitrated import settings_of
+from drivers.errors import NotConnected
+from drivers.extras import extra_hint
+from drivers.head.guardian_head import KeeperHead
 from drivers.pi_car.declared import MotorKeys, PiCarKeys, PiHeadKeys
-from drivers.pi_car.dial import Guarded, cure
+from drivers.pi_car.driver import KeeperBase
+from drivers.transport import guardian_wire
+from drivers.transport.link import Link, dial
+from drivers.transport.ports import Lost
+
+# From a link to a guardian: a process is started as a port is opened, and its pipes are the line.
+
+COMMAND = (sys.executable, "-I", "-W", "ignore", "-m", "drivers.pi_car.guardian")
+"""The program, in Python's isolated mode; what it is to hold comes behind."""
+
+ENDS = 1.0
+"""Seconds that it is given to let all rest and end, once its standard input has ended."""
+
+PAUSES = 8
+"""How often none is started after one that has ended with words: every 5 s or so, one tries anew."""
+
+
+def cure() -> str:
+    """Return what to try where no guardian can hold the pins."""
+    return extra_hint("pi", "sudo raspi-config (I2C on)", "i2cdetect -y 1", "does another program use the pins?")
+
+
+class Guarded:
+    """Starts guardians that hold what ``told`` is about: a ``drivers.transport.link.Dial``.
+
+    ``words`` are the last ones of a guardian that has ended, until another one answers.
+    """
+
+    def __init__(self, told: Mapping[str, Any], command: Sequence[str] = COMMAND) -> None:
+        self.words = ""
+        self._pauses = 0
+        self._command = (*command, json.dumps(told))
+
+    def __call__(self, who: str, port: str, baud: int) -> "Guardian":  # noqa: ARG002 - a pipe has no rate
+        """Start one. Raises NotConnected, also for a while after one that could not do its work."""
+        if self._pauses > 0:
+            self._pauses -= 1
+            raise NotConnected(f"{who}: {port}: {self.words}", hint=cure())
+        try:
+            return Guardian(self._command, self._heard)
+        except OSError as error:
+            raise NotConnected(f"{who}: {port}: {error}", hint="look at the memory and the processes") from error
+
+    def _heard(self, words: str) -> None:
+        self.words = words
+        self._pauses = PAUSES if words else 0
+
+
+class Guardian:
+    """A ``drivers.transport.link.Port`` that is a process. All but ``close`` raise OSError when it has ended.
+
+    ``heard`` is told its last words, and nothing whenever it says something else.
+    """
+
+    def __init__(self, command: Sequence[str], heard: Callable[[str], None]) -> None:
+        self._process = subprocess.Popen(  # noqa: S603 - no shell; a program of ours
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0, start_new_session=True
+        )
+        if self._process.stdin is None or self._process.stdout is None:
+            raise OSError("a process without pipes")
+        self._in, self._out = self._process.stdin, self._process.stdout
+        os.set_blocking(self._in.fileno(), False)
+        os.set_blocking(self._out.fileno(), False)
+        self._heard = heard
+        self._words = ""
+
+    @property
+    def pid(self) -> int:
+        """Its number."""
+        return self._process.pid
+
+    def arrived(self, patience: float) -> bytes:
+        """Return what it has said; wait up to ``patience`` seconds for the first byte."""
+        if not select.select([self._out], [], [], patience)[0]:
+            return b""
+        data = os.read(self._out.fileno(), 4096)
+        if not data:
+            raise Lost(self._words or "the process that holds the pins has ended", cure())
+        if data.startswith(b"! "):  # written whole, as its last words
+            self._words = data[2:].decode("utf-8", "replace").strip()
+        self._heard(self._words)
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Send ``data`` whole."""
+        try:
+            whole = os.write(self._in.fileno(), data) == len(data)
+        except BrokenPipeError:
+            return  # it has ended: what it has said about that is read first
+        if not whole:
+            raise Lost("the process that holds the pins reads nothing", cure())
+
+    def set_dtr(self, *, on: bool) -> None:
+        """Do nothing: a pipe has no such line."""
+
+    def close(self) -> None:
+        """Let it go: it lets all rest, and ends."""
+        with suppress(OSError):
+            self._in.close()
+        try:
+            self._process.wait(ENDS)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        with suppress(OSError):
+            self._out.close()
 
 
 def base(keys: PiCarKeys, site: Site) -> KeeperBase:
@@ -65,4 +175,4 @@ def _motor(keys: MotorKeys) -> Mapping[str, int | None]:
 def _link(guarded: Guarded, site: Site) -> Link:
     """Return a link to a guardian, or to whoever plays it at a port."""
     port = site.port or "the guardian"
-    return Link(site.part, port, wire.BAUD, report=site.report, dial=dial if site.port else guarded)
+    return Link(site.part, port, guardian_wire.BAUD, report=site.report, dial=dial if site.port else guarded)

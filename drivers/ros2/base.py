@@ -1,23 +1,109 @@
 """A base that is driven by ROS 2: its velocity a Twist or a TwistStamped, its pose from Odometry."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import atan2, cos, inf, isfinite, remainder, sin, tau
 from typing import Any, Unpack
 
 from drivers.api import STILL, BaseState, Lamp, Pose2D, Sides, Tune, Velocity
+from drivers.api.quick import dataclass
+from drivers.base import changes
+from drivers.base.arbitrated import Settings
 from drivers.base.gyro_bias import GyroBias
 from drivers.base.plain_base import RESTING, SILENT_AFTER, STALE_AFTER, PlainBase
 from drivers.base.reckoning import TwoWheels
 from drivers.base.requests import check_light, check_tone
-from drivers.base.steered import Settings
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.link import Link
-from drivers.ros2 import create3, wire
-from drivers.ros2.faults import TopicFaults, hint_for
+from drivers.ros2 import wire
 from drivers.ros2.line import Channel, absent
+from drivers.ros2.node import TopicFaults, hint_for
 from drivers.ros2.types import Malformed, types
+from drivers.transport.link import Link
+
+# What a Create 3 (TurtleBot 4) and a TurtleBot 3 say and take besides velocities: contacts, docks, lights, sounds.
+
+BACKUP_LIMIT, BUMP, CLIFF, STALL, WHEEL_DROP, OBJECT_PROXIMITY = range(6)
+"""Types of hazards, as irobot_create_msgs numbers them."""
+
+_NAMES = {BACKUP_LIMIT: changes.BACKUP_LIMIT, STALL: changes.STALL, OBJECT_PROXIMITY: changes.OBJECT_NEAR}
+"""Names of the hazards that are no contacts."""
+
+COLOURS = {Lamp.OFF: (0, 0, 0), Lamp.RED: (255, 0, 0), Lamp.GREEN: (0, 255, 0), Lamp.ORANGE: (255, 120, 0)}
+"""What its ring of lights shows for each colour."""
+
+TUNES: dict[Tune, tuple[int, ...]] = {
+    Tune.ON: (523, 659, 784),
+    Tune.OFF: (784, 659, 523),
+    Tune.RECHARGE: (440, 523),
+    Tune.BUTTON: (880,),
+    Tune.ERROR: (220, 220),
+    Tune.CLEANING_START: (523, 784),
+    Tune.CLEANING_END: (784, 523),
+}
+"""The tunes of a base, as tones in hertz, each for a fifth of a second."""
+
+
+@dataclass(frozen=True, slots=True)
+class HazardReport:
+    """Contacts, and the names of all other hazards, as ``BaseState`` has them."""
+
+    bumper: Sides = Sides()
+    cliff: Sides = Sides()
+    wheel_drop: Sides = Sides()
+    others: frozenset[str] = frozenset()
+
+    def __or__(self, other: "HazardReport") -> "HazardReport":
+        """Return all hazards that are in one of the two."""
+        return HazardReport(
+            _either(self.bumper, other.bumper),
+            _either(self.cliff, other.cliff),
+            _either(self.wheel_drop, other.wheel_drop),
+            self.others | other.others,
+        )
+
+
+def report_of(detections: Iterable[Any]) -> HazardReport:
+    """Return the contacts and hazards of a Create 3's detections, whose frames name the sides."""
+    found: dict[int, set[str]] = {BUMP: set(), CLIFF: set(), WHEEL_DROP: set()}
+    others = set()
+    for each in detections:
+        frame = each.header.frame_id.rpartition("/")[2]  # before that is the name of the robot
+        if each.type not in found:
+            others.add(_name(each.type, frame))
+            continue
+        centre = "center" in frame or ("left" not in frame and "right" not in frame)
+        found[each.type].add("centre" if centre else "left" if "left" in frame else "right")
+    bumper, cliff, drop = (Sides("left" in it, "centre" in it, "right" in it) for it in found.values())
+    if cliff and not cliff.centre and cliff.left and cliff.right:
+        cliff = Sides(centre=True)  # it has four floor sensors, none in the middle
+    return HazardReport(bumper, cliff, drop, frozenset(others))
+
+
+def _name(kind: int, frame: str) -> str:
+    """Return the name of a hazard that is no contact, also of a type of a newer firmware."""
+    if kind not in _NAMES:
+        return f"{changes.UNKNOWN} {kind}" + (f" ({frame:.40})" if frame else "")
+    side = "" if kind == BACKUP_LIMIT else next((side for side in ("left", "right") if side in frame), "")
+    return f"{_NAMES[kind]} {side}".rstrip()
+
+
+def _either(one: Sides, other: Sides) -> Sides:
+    return Sides(one.left or other.left, one.centre or other.centre, one.right or other.right)
+
+
+def ring(first: Lamp, second: Lamp) -> dict[str, object]:
+    """Return what its ring of lights is told: the left half is light 1, the right half light 2."""
+    leds = [dict(zip(("red", "green", "blue"), COLOURS[each], strict=True)) for each in (first, second)]
+    shown = [leds[0]] * 3 + [leds[1]] * 3
+    return {"leds": shown, "override_system": (first, second) != (Lamp.OFF, Lamp.OFF)}
+
+
+def notes(tones: Iterable[int], seconds: float) -> dict[str, object]:
+    """Return what its sounder is told: these tones (Hz), each for so long."""
+    runtime = {"sec": int(seconds), "nanosec": round(seconds % 1 * 1e9)}
+    return {"notes": [{"frequency": each, "max_runtime": runtime} for each in tones]}
+
 
 TWISTS = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -99,7 +185,7 @@ class Ros2Base(PlainBase):
         self._bias = GyroBias(encoders=False)
         self._turned_back = 0.0  # radians of drift since the robot's frame was told
         self._interval = SLOWEST_INTERVAL
-        self._hazards = self._brief = create3.HazardReport()  # now; and since the last odometry
+        self._hazards = self._brief = HazardReport()  # now; and since the last odometry
         self._felt_at = -inf
         self._battery = (0.0, 100.0, False)
         self._docked = self._of_hundred = False
@@ -136,20 +222,20 @@ class Ros2Base(PlainBase):
     def play(self, tune: Tune) -> None:
         """Play a tune, where it has a sounder. Raises NotConnected."""
         self._require()
-        self._tell_topic("sounds", create3.notes(create3.TUNES[tune], 0.2))
+        self._tell_topic("sounds", notes(TUNES[tune], 0.2))
 
     def tone(self, frequency: float, seconds: float) -> None:
         """Play a tone, where it has a sounder. Raises BadRequest, NotConnected."""
         check_tone(self.name, frequency, seconds)
         self._require()
-        self._tell_topic("sounds", create3.notes([round(frequency)], seconds))
+        self._tell_topic("sounds", notes([round(frequency)], seconds))
 
     def light(self, number: int, colour: Lamp) -> None:
         """Switch a light, where it has some. Raises BadRequest, NotConnected."""
         check_light(self.name, number)
         self._require()
         self._lamps[number] = colour
-        self._tell_topic("lights", create3.ring(self._lamps[1], self._lamps[2]))
+        self._tell_topic("lights", ring(self._lamps[1], self._lamps[2]))
 
     def latch(self, reason: str) -> None:
         """Stand still until ``enable``, whoever commands, and whatever else drives it."""
@@ -221,10 +307,10 @@ class Ros2Base(PlainBase):
             case "odom" if not self._twofold:
                 self._odometry(told, now)
             case "hazards":
-                self._feel(create3.report_of(told.detections), now)
+                self._feel(report_of(told.detections), now)
             case "sensors":
                 # The cliff of a TurtleBot 3 is a bare figure of a sensor that few have: its bumper alone counts.
-                self._feel(create3.HazardReport(Sides(centre=told.bumper != 0)), now)
+                self._feel(HazardReport(Sides(centre=told.bumper != 0)), now)
             case "dock":
                 self._docked = bool(told.is_docked)
             case "battery":
@@ -243,7 +329,7 @@ class Ros2Base(PlainBase):
         percent = min(share if self._of_hundred else 100 * share, 100.0) if measured else 100.0
         return volts if isfinite(volts) else 0.0, percent, told.power_supply_status == CHARGING
 
-    def _feel(self, hazards: create3.HazardReport, now: float) -> None:
+    def _feel(self, hazards: HazardReport, now: float) -> None:
         self._hazards, self._felt_at = hazards, now
         self._brief |= hazards
 

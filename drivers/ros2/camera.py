@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 
 from drivers.api import Image, Report, ignore
-from drivers.camera.decode import MOST_PIXELS, UNWANTED, decoded
 from drivers.clock import Clock
 from drivers.errors import NotConnected
+from drivers.pictures.decode import MOST_PIXELS, UNWANTED, decoded
 from drivers.ros2 import wire
-from drivers.ros2.faults import TopicFaults, hint_for
 from drivers.ros2.line import Channel, Nodes, TopicPort, absent
+from drivers.ros2.node import TopicFaults, hint_for
 from drivers.ros2.types import Malformed, types
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -49,7 +49,7 @@ Those of 16 bits are understood by the upper 8.
 
 
 class TopicFeed:
-    """A ``drivers.camera.capture.Feed`` of the pictures on a topic."""
+    """A ``drivers.pictures.capture.Feed`` of the pictures on a topic."""
 
     def __init__(self, nodes: Nodes, topic: str, clock: Clock, report: Report = ignore) -> None:
         self._nodes = nodes

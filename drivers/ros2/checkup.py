@@ -4,8 +4,7 @@ from collections.abc import Iterator
 from threading import Event
 from typing import Any
 
-from drivers.api.driver import Site
-from drivers.api.findings import Finding, wrong
+from drivers.api.driver import Finding, Site, wrong
 from drivers.ros2 import wire
 from drivers.ros2.declared import ZenohKeys
 from drivers.ros2.make import domain_of

@@ -61,8 +61,8 @@ ZENOH = Driver(
     "The nodes of ROS 2, over Zenoh: by rmw_zenoh, or by zenoh-bridge-ros2dds.",
     ZenohKeys,
     make="drivers.ros2.make:graph",
-    twin="drivers.sim.twins.ros2:graph",
-    virtual="drivers.virtual.ros2:graph",
+    twin="drivers.ros2.twin:graph",
+    virtual="drivers.ros2.virtual:graph",
     checkup="drivers.ros2.checkup:checkup",
     extra="ros2",
 )
@@ -94,8 +94,8 @@ BASE = Driver(
     "A base that is driven by ROS 2: a TurtleBot 4, a TurtleBot 3, any with Twist and Odometry.",
     Ros2BaseKeys,
     make="drivers.ros2.make:base",
-    twin="drivers.sim.twins.ros2:base",
-    virtual="drivers.virtual.ros2:base",
+    twin="drivers.ros2.twin:base",
+    virtual="drivers.ros2.virtual:base",
     needs=("ros2",),
     extra="ros2",
 )
@@ -118,8 +118,8 @@ RANGE = Driver(
     "A range finder whose scans come by ROS 2.",
     Ros2RangeKeys,
     make="drivers.ros2.make:ranger",
-    twin="drivers.sim.twins.ros2:ranger",
-    virtual="drivers.virtual.ros2:ranger",
+    twin="drivers.ros2.twin:ranger",
+    virtual="drivers.ros2.virtual:ranger",
     needs=("ros2",),
     extra="ros2",
 )
@@ -143,7 +143,7 @@ CAMERA = Driver(
     "A camera whose pictures come by ROS 2.",
     Ros2CameraKeys,
     make="drivers.ros2.make:camera",
-    virtual="drivers.virtual.ros2:camera",
+    virtual="drivers.ros2.virtual:camera",
     needs=("ros2",),
     extra="ros2",
 )
@@ -251,8 +251,8 @@ HEAD = Driver(
     "A head whose two joints are moved by ROS 2.",
     Ros2HeadKeys,
     make="drivers.ros2.make:head",
-    twin="drivers.sim.twins.ros2_joints:head",
-    virtual="drivers.virtual.ros2:head",
+    twin="drivers.ros2.joints_twin:head",
+    virtual="drivers.ros2.virtual:head",
     needs=("ros2",),
     extra="ros2",
 )
@@ -262,8 +262,8 @@ ARM = Driver(
     "An arm whose joints are moved by ROS 2.",
     Ros2ArmKeys,
     make="drivers.ros2.make:arm",
-    twin="drivers.sim.twins.ros2_joints:arm",
-    virtual="drivers.virtual.ros2:arm",
+    twin="drivers.ros2.joints_twin:arm",
+    virtual="drivers.ros2.virtual:arm",
     needs=("ros2",),
     extra="ros2",
 )

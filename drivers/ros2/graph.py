@@ -11,14 +11,14 @@ from drivers.api.ros2 import START, Place
 from drivers.api.sections import Ros2Keys
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
-from drivers.guard import guarded
-from drivers.loop import ThreadLoop
 from drivers.ros2 import wire
 from drivers.ros2.node import Node
 from drivers.ros2.requests import Requests
 from drivers.ros2.session import Access, Transports, open_session
 from drivers.ros2.types import Malformed, types
 from drivers.ros2.wire import SEND
+from drivers.transport.guard import guarded
+from drivers.transport.loop import ThreadLoop
 
 RETRY = 0.3
 """Seconds until a router that did not answer is tried again."""

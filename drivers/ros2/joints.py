@@ -5,19 +5,15 @@ from collections.abc import Collection, Mapping, Sequence
 from math import inf
 from threading import RLock
 
-from drivers.absence import Absence, Enabling
 from drivers.api import Away, Coupling, DeviceStatus, Health, JointLimits, JointState, Reading, Report, ignore
-from drivers.api.following import Following
-from drivers.api.joints import joint_called
+from drivers.api.joints import Following, joint_called
 from drivers.clock import Clock
-from drivers.dynamixel.refusals import check_couplings, check_move, check_names
 from drivers.errors import NotConnected
-from drivers.guard import guarded
-from drivers.joint_progress import HINT, JointProgress
-from drivers.link import Link
+from drivers.joints.progress import HINT, JointProgress
+from drivers.joints.refusals import check_couplings, check_move, check_names
 from drivers.ros2 import wire
-from drivers.ros2.faults import TopicFaults, hint_for
 from drivers.ros2.line import Channel, absent
+from drivers.ros2.node import TopicFaults, hint_for
 from drivers.ros2.types import Malformed, types
 from drivers.ros2.ways import (
     LIMP,
@@ -33,6 +29,9 @@ from drivers.ros2.ways import (
     Way,
     frames,
 )
+from drivers.transport.guard import guarded
+from drivers.transport.link import Link
+from drivers.transport.reconnect import Absence, Enabling
 
 RENEWAL = 0.05
 """Seconds between two legs of a way."""
@@ -79,7 +78,7 @@ class TopicJoints(Enabling):
         self._unheld: set[str] = set()
         self._counters: Counter[str] = Counter({"reports": 0, "malformed": 0})
 
-    # --- what behaviours ask ------------------------------------------------------------------------------------------
+    # --- what behaviours ask -----------------------------------------------------------------------------------------
 
     @property
     def limits(self) -> Mapping[str, JointLimits]:
@@ -161,7 +160,7 @@ class TopicJoints(Enabling):
         self._absence.enable()
         return ()
 
-    # --- life ---------------------------------------------------------------------------------------------------------
+    # --- life --------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
         """Start looking for its topics; returns at once."""
@@ -192,7 +191,7 @@ class TopicJoints(Enabling):
         detail, hint = self._silence(self._clock.now())
         return Health(False, detail, hint, counters, returned)
 
-    # --- the link's thread: see drivers.link.Talker -------------------------------------------------------------------
+    # --- the link's thread: see drivers.transport.link.Talker --------------------------------------------------------
 
     def connected(self) -> None:
         """Begin anew: nothing of before is in force."""
@@ -241,7 +240,7 @@ class TopicJoints(Enabling):
         if not self._settled:
             self.hold()
 
-    # --- the inside ---------------------------------------------------------------------------------------------------
+    # --- the inside --------------------------------------------------------------------------------------------------
 
     def _hears(self, now: float) -> bool:
         return not self._felt.silent(now) and all(self._kinds.get(number) for number in range(1, len(self._channels)))

@@ -1,4 +1,4 @@
-"""The line from a part to its topics of ROS 2, in the form of a port: so a ``drivers.link.Link`` owns and serves it.
+"""The line from a part to its topics of ROS 2, in the form of a port: a ``drivers.transport.link.Link`` owns it.
 
 What goes along it are frames (``drivers.ros2.wire.frame``): of a channel, which is a topic, or about who is there.
 """
@@ -10,14 +10,12 @@ from threading import Condition
 
 from drivers.api import Report
 from drivers.errors import NotConnected
-from drivers.link import Link, Port
-from drivers.loop import MakeLoop, ThreadLoop
 from drivers.ros2 import wire
-from drivers.ros2.faults import hint_for
-from drivers.ros2.node import Node
-from drivers.ros2.publisher import Publisher
-from drivers.ros2.sieve import Sieve
+from drivers.ros2.node import Node, hint_for
+from drivers.ros2.publisher import Publisher, Sieve
 from drivers.ros2.types import types
+from drivers.transport.link import Link, Port
+from drivers.transport.loop import MakeLoop, ThreadLoop
 
 RETRY = 0.1
 """Seconds until a session that is not there yet is looked for again."""
@@ -54,7 +52,7 @@ def link(name: str, nodes: Nodes, channels: Sequence[Channel], report: Report, l
 
 
 class TopicPort:
-    """A ``drivers.link.Port`` to topics. Raises NotConnected for a type that is not known."""
+    """A ``drivers.transport.link.Port`` to topics. Raises NotConnected for a type that is not known."""
 
     def __init__(self, node: Node, channels: Sequence[Channel]) -> None:
         self._node, self._channels = node, channels

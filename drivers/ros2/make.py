@@ -6,10 +6,10 @@ from math import pi
 
 from drivers.api import JointLimits
 from drivers.api.driver import Site
-from drivers.base.steered import settings_of
-from drivers.camera.threaded import ThreadedCamera
+from drivers.base.arbitrated import settings_of
 from drivers.errors import BadRequest
-from drivers.joints_head import JointAxis
+from drivers.head.joints_head import JointAxis, NeckDriver
+from drivers.pictures.capture import ThreadedCamera
 from drivers.ros2 import base as bases
 from drivers.ros2.camera import TopicFeed
 from drivers.ros2.declared import (
@@ -23,13 +23,39 @@ from drivers.ros2.declared import (
     ZenohKeys,
 )
 from drivers.ros2.graph import Ros2Graph
-from drivers.ros2.head import Ros2Head
 from drivers.ros2.joints import TopicJoints
 from drivers.ros2.line import Channel, link
 from drivers.ros2.ranger import SCAN, Ros2Ranger
 from drivers.ros2.session import access_of
 from drivers.ros2.voice import STRING, Ros2Voice
 from drivers.ros2.ways import TopicJoint, channels_of
+
+# A head of two joints of a robot of ROS 2, led in small steps by their own topics.
+
+
+class Ros2Head(NeckDriver):
+    """A ``JointsHead`` that steps itself, and opens and closes the ``TopicJoints`` that it is made of."""
+
+    _joints: TopicJoints
+
+    def open(self) -> None:
+        """Start looking for its topics; returns at once."""
+        self._joints.open()
+        super().open()
+
+    def close(self) -> None:
+        """Stand where it is, and listen no more. Safe from any state, more than once."""
+        super().close()
+        self._joints.close()
+
+    @property
+    def latched(self) -> str:
+        """Why it moves no more until it is enabled; empty while it does."""
+        return self._joints.latched
+
+    def enable(self) -> None:
+        """Let it move again, after it was away for long."""
+        self._joints.enable()
 
 
 def domain_of(keys: ZenohKeys) -> int:

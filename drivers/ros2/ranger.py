@@ -9,14 +9,14 @@ import numpy as np
 
 from drivers.api import Health, Quality, RangeScan, Reading, Report, ignore, wrapped
 from drivers.api.measures import Ranges
+from drivers.base.scan_mounting import Place, Sector
 from drivers.clock import Clock
-from drivers.guard import guarded
-from drivers.link import Link
 from drivers.ros2 import wire
-from drivers.ros2.faults import TopicFaults, hint_for
 from drivers.ros2.line import Channel, absent
+from drivers.ros2.node import TopicFaults, hint_for
 from drivers.ros2.types import Malformed, types
-from drivers.rplidar.mounting import Place, Sector
+from drivers.transport.guard import guarded
+from drivers.transport.link import Link
 
 SCAN = "sensor_msgs/msg/LaserScan"
 
@@ -98,7 +98,7 @@ class Ros2Ranger:
         what = f"{self.name}: {self._channel.topic}: no scan comes"
         return Health(False, what, "does it turn? look at its node: `mission ros2 graph`", counters)
 
-    # What follows is drivers.link.Talker, called from the link's thread.
+    # What follows is drivers.transport.link.Talker, called from the link's thread.
 
     def connected(self) -> None:
         """Begin anew: nothing of before counts."""

@@ -11,14 +11,13 @@ from uuid import uuid4
 from drivers.api.ros2 import GoalState, Progress
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
-from drivers.guard import guarded
 from drivers.ros2 import wire
-from drivers.ros2.actions import NOT_KNOWN
+from drivers.ros2.actions import NOT_KNOWN, reason, result_of
 from drivers.ros2.node import Node
 from drivers.ros2.publisher import Replied
-from drivers.ros2.reasons import reason, result_of
 from drivers.ros2.types import Malformed, types
 from drivers.ros2.wire import CANCEL, CANCEL_KIND, FEEDBACK, RESULT, SEND
+from drivers.transport.guard import guarded
 
 ANSWER_TIME = 2.0
 """Seconds in which a server accepts a goal, or confirms that it cancels one."""

@@ -7,12 +7,12 @@ from pathlib import Path
 from drivers.api import AS_USUAL, Health, Manner, Priority, Report, Utterance, ignore
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
-from drivers.link import Link
 from drivers.ros2 import wire
-from drivers.ros2.faults import TopicFaults
 from drivers.ros2.line import Channel, absent
+from drivers.ros2.node import TopicFaults
 from drivers.ros2.types import types
-from drivers.voice.printed import PrintedVoice
+from drivers.sound.printed import PrintedVoice
+from drivers.transport.link import Link
 
 STRING = "std_msgs/msg/String"
 
@@ -75,7 +75,7 @@ class Ros2Voice(PrintedVoice):
             f"{self.name}: cannot play {path.name}: {self._channel.topic} takes texts alone", hint="say it"
         )
 
-    # --- the link's thread: see drivers.link.Talker -------------------------------------------------------------------
+    # --- the link's thread: see drivers.transport.link.Talker --------------------------------------------------------
 
     def connected(self) -> None:
         """Ask who listens."""

@@ -6,8 +6,8 @@ from typing import Any
 
 from drivers.api import DeviceStatus, JointLimits, JointState, Quality, Reading, Report
 from drivers.api.quick import dataclass
-from drivers.dynamixel.refusals import narrowed
-from drivers.joint_progress import JointProgress
+from drivers.joints.progress import JointProgress
+from drivers.joints.refusals import narrowed
 from drivers.ros2 import wire
 from drivers.ros2.declared import JOINT
 from drivers.ros2.line import Channel

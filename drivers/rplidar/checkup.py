@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator
 
-from drivers.api.driver import Site
-from drivers.api.findings import Finding, warning, wrong
+from drivers.api.driver import Finding, Site, warning, wrong
 from drivers.api.probing import Ask
 from drivers.finding.asking import OpenedPort
 from drivers.rplidar import wire

@@ -1,9 +1,9 @@
 """From the keys of a robot file to the RPLIDAR's driver."""
 
 from drivers.api.driver import Site
-from drivers.link import Link
 from drivers.rplidar.declared import RPLidarKeys
 from drivers.rplidar.driver import GATHER, RPLidar
+from drivers.transport.link import Link
 
 
 def make(keys: RPLidarKeys, site: Site) -> RPLidar:

@@ -7,9 +7,9 @@ from struct import Struct
 from drivers.api import DeviceStatus, Report
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, NoReply
-from drivers.link import Link
 from drivers.rplidar import wire
 from drivers.rplidar.models import PWM, Model
+from drivers.transport.link import Link
 
 Step = Iterator[None]
 """A part of the beginning that goes on each time it is resumed, until it is done."""

@@ -13,12 +13,11 @@ from threading import Event, Thread
 
 from drivers.api import DeviceStatus, Health, Mood, Report, Shown, ignore
 from drivers.clock import Clock
-from drivers.guard import guarded
 from drivers.screen.drawing import CREAM, HEIGHT, NIGHT, WIDTH, Shape, draw
-from drivers.screen.expression import Expression, expression
+from drivers.screen.expression import Expression, Words, expression, plain
 from drivers.screen.kept import KeptScreen
 from drivers.screen.server import Document, PageServer
-from drivers.screen.words import Words, plain
+from drivers.transport.guard import guarded
 
 
 def svg(face: Expression, text: str, size: tuple[int, int] | None = None, *, label: str = "") -> str:

@@ -5,13 +5,38 @@ from math import cos, degrees, inf, remainder, sin, tau
 
 from drivers.api import BASE_RADIUS, STILL, DockSignals, Pose2D, Sides, Velocity
 from drivers.kobuki.feedback import METRES_PER_TICK
-from drivers.sim.backup_limit import BackupLimit
 from drivers.sim.battery import Battery
-from drivers.sim.dock import NO_SIGNALS
-from drivers.sim.ground import Ground, OpenFloor
-from drivers.sim.load import ELECTRONICS, OVERLOAD, STALLED, current
-from drivers.sim.odometers import Encoders, GyroDrift
-from drivers.sim.wheels import Wheels
+from drivers.sim.ground import BackupLimit, Ground, OpenFloor
+from drivers.sim.things import NO_SIGNALS
+from drivers.sim.wheels import Encoders, GyroDrift, Wheels
+
+# What a simulated base draws: its motors by what they have to do, and all the rest of it.
+#
+# All figures are our assumption, but for the limit at which the base tells of an overload.
+
+ELECTRONICS = 0.4
+"""Amperes that the base draws standing still."""
+
+OVERLOAD = 3.0
+"""Amperes at which the base says that a motor is overloaded (vendor)."""
+
+STALLED = 3.5
+"""Amperes of a motor that drives with all it has."""
+
+_FRICTION = 0.15  # amperes, for a wheel that turns at all
+_SPEED = 0.3  # amperes more for each m/s of the rim
+_IN_VAIN = 30.0  # amperes more for each metre that a wheel has slipped: its controller pushes ever harder
+
+
+def current(speed: float, in_vain: float = 0.0) -> float:
+    """Return the amperes of a motor whose wheel turns at ``speed`` (m/s at its rim).
+
+    ``in_vain`` is how many metres it has turned since something solid has held up the base.
+    """
+    if speed == 0.0:
+        return 0.0
+    return min(_FRICTION + _SPEED * abs(speed) + _IN_VAIN * in_vain, STALLED)
+
 
 COMMAND_TIMEOUT = 0.4
 """Seconds without a command after which the base comes to rest. The vendor documents no such limit: it is our

@@ -1,24 +1,410 @@
 """Draws the simulated world as a camera would see it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
+from math import cos, hypot, sin, sqrt
+from typing import Protocol, TypeVar
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from drivers.api import Image
-from drivers.sim.billboard import halved
-from drivers.sim.canvas import Sprite
-from drivers.sim.depth import back_to_front
-from drivers.sim.drawable import Drawable, PaintedPerson, PaintedRover, marker_sheets, painted_things
-from drivers.sim.figure import paint_figure
-from drivers.sim.looks import LOOKS
-from drivers.sim.painter import Painter
-from drivers.sim.panels import holes, panels
+from drivers.sim.block import Block, Disc, Point3
+from drivers.sim.canvas import Canvas, Points, Sprite, mirrored, oval
+from drivers.sim.face import mixed, paint_back_of_head, paint_hair_behind, paint_head
+from drivers.sim.looks import LOOKS, Look
+from drivers.sim.painter import NEAR_PLANE, Painter
+from drivers.sim.panels import holes, panels, shaded
 from drivers.sim.people import Presence
-from drivers.sim.viewpoint import Pinhole, Viewpoint
+from drivers.sim.room import Colour
+from drivers.sim.things import MARKER_SIZE, Ball, Box, Rover, Wall
+from drivers.sim.viewpoint import Floats, Pinhole, Viewpoint
 from drivers.sim.world import World
+
+# Hangs flat painted sheets in a picture, in true perspective: people, balls, markers.
+
+_SMALLEST = 16  # pixels of the shorter side of a sheet
+
+
+def halved(sheet: Sprite) -> tuple[Sprite, ...]:
+    """Return a sheet and smaller ones, each half as large as the one before: sampled sparsely, a large one flickers."""
+    sizes = [sheet]
+    while min(sizes[-1].shape[:2]) >= 2 * _SMALLEST:
+        sizes.append(np.asarray(cv2.pyrDown(sizes[-1]), np.uint8))
+    return tuple(sizes)
+
+
+def hang(painter: Painter, sizes: Sequence[Sprite], corner: Floats, across: Floats, down: Floats) -> None:
+    """Draw a sheet that hangs in the world.
+
+    ``sizes`` are those of ``halved``. ``corner`` is the place of its top left corner in metres, ``across`` and ``down``
+    lead along its edges, one pixel of the first size far.
+    """
+    middle = corner + across * (sizes[0].shape[1] / 2) + down * (sizes[0].shape[0] / 2)
+    away = max(NEAR_PLANE, float(np.linalg.norm(middle - painter.eye)))
+    finest = painter.lens.focal * float(np.linalg.norm(across))  # metres from which a pixel of it is one of the picture
+    level = int(np.clip(np.log2(away / finest), 0, len(sizes) - 1))
+    sheet, step = sizes[level], 2**level
+    # Camera coordinates of the sheet's pixel (u, v) are plane @ (u, v, 1).
+    plane = painter.turn @ np.stack((across * step, down * step, corner - painter.eye), axis=1)
+    rows = _rows_in_front(plane, sheet.shape[1], sheet.shape[0])
+    if rows is not None:
+        _paste(painter, sheet[rows], painter.lens.matrix() @ plane @ _moved(0.0, float(rows.start)))
+
+
+def _rows_in_front(plane: Floats, width: int, height: int) -> slice | None:
+    """Return the rows of a sheet wholly beyond ``NEAR_PLANE``; None for none. Depth is linear along the sheet."""
+    v = np.arange(height)
+    depth = plane[2, 2] + plane[2, 1] * v + min(0.0, plane[2, 0] * width)
+    seen = np.flatnonzero(depth > NEAR_PLANE)
+    return slice(int(seen[0]), int(seen[-1]) + 1) if seen.size > 1 else None
+
+
+def _paste(painter: Painter, sheet: Sprite, mapping: Floats) -> None:
+    """Blend a sheet into the picture under a homography (3, 3) from its pixels to those of the picture."""
+    high, wide = sheet.shape[:2]
+    corners = mapping @ np.array(((0, wide, wide, 0), (0, 0, high, high), (1, 1, 1, 1)))
+    points = corners[:2] / corners[2]
+    low = np.maximum(np.floor(points.min(axis=1)).astype(int), 0)
+    top = np.minimum(np.ceil(points.max(axis=1)).astype(int) + 1, (painter.lens.width, painter.lens.height))
+    if np.any(top <= low):
+        return
+    size = (int(top[0] - low[0]), int(top[1] - low[1]))
+    part = painter.image[low[1] : top[1], low[0] : top[0]]
+    drawn = cv2.warpPerspective(sheet, _moved(-float(low[0]), -float(low[1])) @ mapping, size)
+    through = cv2.cvtColor(cv2.bitwise_not(cv2.extractChannel(drawn, 3)), cv2.COLOR_GRAY2BGR)
+    part[:] = cv2.add(cv2.cvtColor(drawn, cv2.COLOR_BGRA2BGR), cv2.multiply(part, through, scale=1 / 255))
+
+
+def _moved(x: float, y: float) -> Floats:
+    """Return the homography (3, 3) that shifts by (x, y)."""
+    return np.array(((1.0, 0.0, x), (0.0, 1.0, y), (0.0, 0.0, 1.0)))
+
+
+# The order in which solid things are painted: what may be hidden comes before what may hide it.
+
+_SLACK = 0.01
+"""Metres by which two things may overlap and yet count as beside each other: a ball lies on a table."""
+
+
+class Shaped(Protocol):
+    """Something with a shape."""
+
+    @property
+    def solid(self) -> Block | Disc:
+        """Its shape."""
+        ...
+
+
+S = TypeVar("S", bound=Shaped)
+
+
+def back_to_front(things: Sequence[S], eye: Point3) -> list[S]:
+    """Return ``things`` in the order of painting, as seen from ``eye``.
+
+    Of two things between which a plane lies, the one on the eye's side cannot be hidden by the other. That orders all
+    but a few: those that overlap, and rings of things, of which the farther one comes first.
+    """
+    far = sorted(things, key=lambda thing: -_distance(thing.solid, eye))
+    done: list[S] = []
+    waiting = dict(enumerate(far))
+
+    def paint(number: int) -> None:
+        thing = waiting.pop(number)
+        for other in list(waiting):
+            if other in waiting and _is_behind(waiting[other].solid, thing.solid, eye):
+                paint(other)
+        done.append(thing)
+
+    while waiting:
+        paint(next(iter(waiting)))
+    return done
+
+
+def _is_behind(one: Block | Disc, other: Block | Disc, eye: Point3) -> bool:
+    """Say whether a plane lies between the two, with the eye on the side of the other."""
+    if one.top <= other.bottom + _SLACK:
+        return eye[2] > other.bottom
+    if other.top <= one.bottom + _SLACK:
+        return eye[2] < one.bottom
+    if isinstance(one, Block):
+        beyond = _beyond(one, other, eye)
+        if beyond is not None:
+            return beyond
+    if isinstance(other, Block):
+        beyond = _beyond(other, one, eye)
+        if beyond is not None:
+            return not beyond
+    return False
+
+
+def _beyond(block: Block, other: Block | Disc, eye: Point3) -> bool | None:
+    """Say whether a side of ``block`` has the eye and the other before it; None where no side parts the two."""
+    if isinstance(other, Disc):
+        u, v = block.local(other.x, other.y)
+        spans = ((u - other.radius, u + other.radius), (v - other.radius, v + other.radius))
+    else:
+        us, vs = zip(*(block.local(*corner) for corner in other.corners()), strict=True)
+        spans = ((min(us), max(us)), (min(vs), max(vs)))
+    halves = (block.length / 2, block.width / 2)
+    for place, (low, high), half in zip(block.local(eye[0], eye[1]), spans, halves, strict=True):
+        if low >= half - _SLACK:
+            return place > half
+        if high <= _SLACK - half:
+            return place < -half
+    return None
+
+
+def _distance(solid: Block | Disc, eye: Point3) -> float:
+    return (solid.x - eye[0]) ** 2 + (solid.y - eye[1]) ** 2
+
+
+# Paints whole people, as flat figures that are stood in the world like cardboard cut-outs.
+
+MILLIMETRE = 0.001
+"""Metres to a pixel of a figure."""
+
+HALF_WIDTH = 340
+"""Half the width of a figure in millimetres: room for shoulders and arms."""
+
+CROWN = 170
+"""Millimetres from the eyes to the top of a figure: room for hair."""
+
+_DARK = (20, 16, 18)
+
+
+def paint_figure(look: Look, height: float, *, from_behind: bool = False) -> Sprite:
+    """Paint somebody whose eyes are ``height`` metres above the floor.
+
+    The sheet is one millimetre to the pixel; its lower edge is the floor, and the point between the eyes is
+    ``CROWN`` pixels below its upper edge, in the middle.
+    """
+    floor = round(height / MILLIMETRE)
+    canvas = Canvas(-HALF_WIDTH, -CROWN, HALF_WIDTH, floor)
+    _legs(canvas, look, floor)
+    _arms(canvas, look, floor)
+    paint_hair_behind(canvas, look)
+    _neck(canvas, look)
+    _torso(canvas, look, floor)
+    if from_behind:
+        paint_back_of_head(canvas, look)
+    else:
+        paint_head(canvas, look)
+    return canvas.sprite()
+
+
+def _neck(canvas: Canvas, look: Look) -> None:
+    canvas.fill(mirrored([(0, 80), (54, 80), (56, 150), (92, 196), (0, 220)]), mixed(look.skin, _DARK, 0.14), soft=2)
+    canvas.shade(oval(0, 124, 62, 26), _DARK, soft=11, strength=0.42)
+
+
+def _torso(canvas: Canvas, look: Look, floor: int) -> None:
+    hip = 0.48 * floor
+    body: Points = mirrored(
+        [(0, 206), (62, 182), (110, 178), (196, 214), (214, 280), (180, 380), (164, hip - 110), (172, hip + 40)]
+    )
+    canvas.fill(body, look.shirt, soft=2)
+    for side in (-1.0, 1.0):
+        canvas.shade(oval(side * 200, hip * 0.6, 46, hip * 0.5), _DARK, soft=26, strength=0.35)
+        canvas.shade(oval(side * 70, 330, 62, 70), mixed(look.shirt, (255, 255, 255), 0.3), soft=40, strength=0.3)
+    canvas.shade(oval(0, hip + 20, 190, 60), _DARK, soft=30, strength=0.25)
+
+
+def _arms(canvas: Canvas, look: Look, floor: int) -> None:
+    wrist = 0.53 * floor
+    sleeve = mixed(look.shirt, _DARK, 0.14)
+    for side in (-1.0, 1.0):
+        arm = [(side * x, y) for x, y in [(150, 206), (206, 220), (234, 300), (262, wrist), (210, wrist), (172, 320)]]
+        canvas.fill(oval(side * 240, wrist + 48, 27, 60), look.skin, soft=2)
+        canvas.fill(arm, sleeve, soft=3)
+        canvas.shade([(side * 214, 260), (side * 250, wrist), (side * 240, wrist)], _DARK, soft=10, strength=0.3)
+
+
+def _legs(canvas: Canvas, look: Look, floor: int) -> None:
+    hip, shade = 0.46 * floor, mixed(look.trousers, _DARK, 0.35)
+    for side in (-1.0, 1.0):
+        leg = [(side * x, y) for x, y in [(0, hip), (166, hip), (158, floor - 60), (62, floor - 60), (8, hip + 130)]]
+        canvas.fill(leg, look.trousers, soft=2)
+        canvas.shade([(side * 150, hip), (side * 166, hip), (side * 158, floor - 60)], shade, soft=14, strength=0.8)
+        canvas.fill(oval(side * 116, floor - 34, 58, 32), mixed(_DARK, look.trousers, 0.2), soft=2)
+
+
+# What stands in the room, ready to be painted: boxes, balls, robots with markers, people.
+
+Detail = tuple[float, float, float, float, float]
+"""A rectangle on each side of a box, from left, to right, from low, to high as shares of the side; and its shade."""
+
+_SKIRTING: Detail = (0.0, 1.0, 0.0, 0.035, 0.62)
+_DOORS: tuple[Detail, ...] = ((0.05, 0.48, 0.08, 0.94, 0.92), (0.52, 0.95, 0.08, 0.94, 0.92))
+_SUN = 2.2  # radians about z: where the light comes from
+_CELLS = 8  # across a marker, its white rim included
+_TEXELS = 12  # pixels to a cell of a marker
+_BALL = 128  # pixels across the sheet of a ball
+
+
+class Drawable(Protocol):
+    """Something that stands in the room."""
+
+    @property
+    def solid(self) -> Block | Disc:
+        """The room that it takes, for the order of painting."""
+        ...
+
+    def paint(self, painter: Painter) -> None:
+        """Draw it."""
+        ...
+
+
+class PaintedBlock:
+    """An upright box of one colour, its sides in different light, with ``details`` on each."""
+
+    def __init__(self, block: Block, colour: Colour, details: Sequence[Detail] = ()) -> None:
+        self.solid = block
+        sides = list(_sides(block, colour, details))
+        self._corners = np.array([corners for corners, _, _ in sides])
+        self._normals = np.array([normal for _, normal, _ in sides])
+        self._colours = [shade for _, _, shade in sides]
+
+    def paint(self, painter: Painter) -> None:
+        """Draw the sides that are turned to the camera."""
+        turned = ((painter.eye - self._corners[:, 0]) * self._normals).sum(axis=1) > 0
+        shown = np.flatnonzero(turned)
+        painter.fill(self._corners[shown], [self._colours[index] for index in shown])
+
+
+class PaintedRover:
+    """Another robot: a box, and a marker on each of its four sides, which ``marker_sheets`` paints."""
+
+    def __init__(self, rover: Rover, time: float, sheets: Sequence[Sprite]) -> None:
+        self.solid = rover.solid(time)
+        self._colour = rover.colour
+        self._sheets = sheets
+
+    def paint(self, painter: Painter) -> None:
+        """Draw the box, then the markers on the sides that are turned to the camera."""
+        PaintedBlock(self.solid, self._colour).paint(painter)
+        side = MARKER_SIZE * _CELLS / 6
+        height = max(self.solid.top / 2, self.solid.top - side / 2 - 0.03)
+        texel = side / (_CELLS * _TEXELS)
+        for x, y, nx, ny in _side_middles(self.solid):
+            if (painter.eye[0] - x) * nx + (painter.eye[1] - y) * ny <= 0:
+                continue
+            right = np.array((-ny, nx, 0.0))
+            corner = np.array((x, y, height + side / 2)) - right * side / 2
+            hang(painter, self._sheets, corner, right * texel, np.array((0.0, 0.0, -texel)))
+
+
+class PaintedBall:
+    """A ball, lit from above."""
+
+    def __init__(self, ball: Ball) -> None:
+        self.solid = ball.solid()
+        self._radius = ball.size / 2
+        self._sheets = halved(_shaded_disc(ball.colour))
+
+    def paint(self, painter: Painter) -> None:
+        """Draw the disc that is seen of a ball: its outline is a circle square to the line of sight."""
+        middle = np.array((self.solid.x, self.solid.y, self.solid.bottom + self._radius))
+        sight = middle - painter.eye
+        away = float(np.linalg.norm(sight))
+        if away < self._radius + NEAR_PLANE:
+            return
+        across = np.cross(sight, (0.0, 0.0, 1.0))
+        if not across.any():  # straight above or below
+            across = np.array((0.0, -1.0, 0.0))
+        across /= np.linalg.norm(across)
+        down = np.cross(sight / away, across)
+        texel = 2 * self._radius / sqrt(1 - (self._radius / away) ** 2) / _BALL
+        hang(painter, self._sheets, middle - (across + down) * texel * _BALL / 2, across * texel, down * texel)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PaintedPerson:
+    """Somebody as a flat figure that always turns to the camera; ``sheets`` show them from before or from behind."""
+
+    presence: Presence
+    sheets: tuple[Sprite, ...]
+
+    @property
+    def solid(self) -> Disc:
+        """The room that the figure takes."""
+        return self.presence.body()
+
+    def paint(self, painter: Painter) -> None:
+        """Draw the figure; one whose eyes are lower than usual, who nods, is that much shorter."""
+        who = self.presence
+        ax, ay = who.x - painter.view.x, who.y - painter.view.y
+        away = hypot(ax, ay)
+        if away < NEAR_PLANE:
+            return
+        across = np.array((ay, -ax, 0.0)) / away
+        stretch = who.eyes / who.person.height
+        corner = np.array((who.x, who.y, who.eyes + CROWN * MILLIMETRE * stretch))
+        corner -= across * (HALF_WIDTH * MILLIMETRE)
+        hang(painter, self.sheets, corner, across * MILLIMETRE, np.array((0.0, 0.0, -MILLIMETRE * stretch)))
+
+
+def painted_things(
+    walls: Iterable[Wall], furniture: Iterable[Box], objects: Iterable[Box | Ball], wall_colour: Colour
+) -> list[Drawable]:
+    """Return what never moves."""
+    found: list[Drawable] = [PaintedBlock(wall.solid(), wall_colour, (_SKIRTING,)) for wall in walls]
+    found += [PaintedBlock(box.solid(), box.colour, _DOORS) for box in furniture]
+    found += [PaintedBall(it) if isinstance(it, Ball) else PaintedBlock(it.solid(), it.colour) for it in objects]
+    return found
+
+
+def marker_sheets(number: int) -> tuple[Sprite, ...]:
+    """Return marker ``number`` of ArUco's DICT_4X4_50 on white, opaque, in sizes as ``halved`` makes them."""
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    bits = np.full((_CELLS, _CELLS), 235, np.uint8)
+    bits[1:-1, 1:-1] = np.clip(cv2.aruco.generateImageMarker(dictionary, number, 6), 16, 235)
+    grey = np.kron(bits, np.ones((_TEXELS, _TEXELS), np.uint8))
+    return halved(np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGRA), np.uint8))
+
+
+def _sides(
+    block: Block, colour: Colour, details: Sequence[Detail]
+) -> Iterator[tuple[list[tuple[float, float, float]], tuple[float, float, float], Colour]]:
+    """Yield corners, outward normal and colour of each side of a box, and of what is on it."""
+    low, high = block.bottom, block.top
+    corners = block.corners()
+    yield [(x, y, high) for x, y in corners], (0.0, 0.0, 1.0), shaded(colour, 1.06)
+    yield [(x, y, low) for x, y in reversed(corners)], (0.0, 0.0, -1.0), shaded(colour, 0.5)
+    for number, (x0, y0) in enumerate(corners):
+        x1, y1 = corners[(number + 1) % 4]
+        length = hypot(x1 - x0, y1 - y0)
+        normal = ((y1 - y0) / length, (x0 - x1) / length, 0.0)
+        light = 0.86 + 0.12 * (normal[0] * cos(_SUN) + normal[1] * sin(_SUN))
+        for left, right, lower, upper, shade in ((0.0, 1.0, 0.0, 1.0, 1.0), *details):
+            (ax, ay), (bx, by) = ((x0 + share * (x1 - x0), y0 + share * (y1 - y0)) for share in (left, right))
+            za, zb = low + lower * (high - low), low + upper * (high - low)
+            yield [(ax, ay, za), (bx, by, za), (bx, by, zb), (ax, ay, zb)], normal, shaded(colour, light * shade)
+
+
+def _side_middles(block: Block) -> Iterator[tuple[float, float, float, float]]:
+    """Yield the middle (x, y) of each side of a box, and its outward normal (x, y)."""
+    for u, v in ((1, 0), (0, 1), (-1, 0), (0, -1)):
+        nx, ny = u * block.cos - v * block.sin, u * block.sin + v * block.cos
+        half = block.length / 2 if u else block.width / 2
+        yield block.x + nx * half, block.y + ny * half, nx, ny
+
+
+def _shaded_disc(colour: Colour) -> Sprite:
+    """Paint a ball that is lit from above on the left: of one hue, as a seeker of colours expects."""
+    half = (_BALL - 1) / 2
+    x, y = np.meshgrid(np.arange(_BALL) - half, np.arange(_BALL) - half)
+    x, y = x / (half + 0.5), y / (half + 0.5)
+    z = np.sqrt(np.clip(1 - x**2 - y**2, 0, 1))
+    light = np.clip(0.45 + 0.6 * np.clip(-0.35 * x - 0.5 * y + 0.79 * z, 0, 1), 0, 1.05)
+    opacity = np.clip((1 - np.hypot(x, y)) * half, 0, 1)
+    paint = np.clip(light[..., None] * np.array(colour[::-1]), 0, 255)
+    sheet = np.dstack((paint, np.full_like(light, 255.0))) * opacity[..., None]
+    painted: Sprite = np.rint(sheet).astype(np.uint8)
+    return painted
+
 
 _WALL_MARGIN = 0.05  # metres that the lens stays away from walls, floor and ceiling
 _SPREAD = 64  # pixels by which the sheet of noise is larger than a picture, so that it can be shifted

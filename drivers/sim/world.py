@@ -10,11 +10,10 @@ from drivers.api import Pose2D
 from drivers.errors import BadRequest
 from drivers.sim.acts import Cues, Heard, Reply
 from drivers.sim.block import Point3, Solid
-from drivers.sim.dock import Dock
 from drivers.sim.light import Light
 from drivers.sim.people import EARSHOT, Person, Presence
 from drivers.sim.room import Room
-from drivers.sim.things import Ball, Box, Edge, Rover, Wall
+from drivers.sim.things import Ball, Box, Dock, Edge, Rover, Wall
 from drivers.sim.walk import Place
 
 TALL = 0.5

@@ -4,29 +4,29 @@ from collections.abc import Callable
 from dataclasses import asdict
 
 from drivers.api import HeadPose, Pose2D
-from drivers.arduino.axis import ServoAxis
 from drivers.arduino.declared import ArduinoKeys, SecondKeys, TwoServoKeys
 from drivers.arduino.make import axis
+from drivers.arduino.virtual import FIRST, VirtualRodney
 from drivers.base.reckoning import TwoWheels
-from drivers.dynamixel.declared import DynamixelKeys, NeckJointKeys, NeckKeys
+from drivers.head.axis import ServoAxis
 from drivers.kobuki.declared import KobukiKeys
+from drivers.kobuki.virtual import VirtualKobuki
 from drivers.legs.body import body_of
 from drivers.legs.declared import LegsKeys
-from drivers.legs.odometry import FootOdometry
+from drivers.legs.kinematics import FootOdometry
 from drivers.pi_car.declared import PiCarKeys, PiHeadKeys
 from drivers.rplidar.declared import RPLidarKeys
+from drivers.rplidar.virtual import VirtualLidar
+from drivers.servos.declared import DynamixelKeys, NeckJointKeys, NeckKeys
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from drivers.sim.scanner import looking
 from drivers.sim.stage import Stage
 from drivers.sim.world import World
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.keeper import VirtualCar, VirtualServos
-from drivers.virtual.kobuki import VirtualKobuki
+from drivers.virtual.guardian import VirtualCar, VirtualServos
 from drivers.virtual.plugged import Plugged
-from drivers.virtual.rodney import FIRST, VirtualRodney
-from drivers.virtual.rplidar import VirtualLidar
-from drivers.virtual.servo import VirtualServo
-from drivers.virtual.waveshare import VirtualWaveshare
 from drivers.waveshare.declared import WaveshareKeys
+from drivers.waveshare.virtual import VirtualWaveshare
 from drivers.waveshare.wire import FULL
 
 

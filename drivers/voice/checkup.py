@@ -2,12 +2,11 @@
 
 from collections.abc import Iterator
 
-from drivers.api.driver import Site
-from drivers.api.findings import Finding, warning
+from drivers.api.driver import Finding, Site, warning
 from drivers.extras import extra_hint
+from drivers.sound.printed import PrintedVoice
 from drivers.voice.declared import SpeechKeys
 from drivers.voice.make import auto
-from drivers.voice.printed import PrintedVoice
 
 
 def checkup(keys: SpeechKeys, site: Site) -> Iterator[Finding]:

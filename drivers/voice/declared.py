@@ -9,7 +9,7 @@ from drivers.api.keys import Mistake, key, keys
 from drivers.api.sections import VoiceKeys
 
 FILLED = ("voice", "language", "name", "speed", "volume")
-"""What stands in braces in a command and is filled in, as drivers.voice.program knows it."""
+"""What stands in braces in a command and is filled in, as drivers.sound.program knows it."""
 
 
 @keys

@@ -10,10 +10,10 @@ from drivers.api.driver import Site
 from drivers.api.quick import dataclass
 from drivers.api.sections import VoiceKeys
 from drivers.clock import Clock
+from drivers.sound.engines import Engine, Espeak, Piper
+from drivers.sound.player import Player
+from drivers.sound.program import KNOWN, Speaker, Synthesiser, find_synthesiser
 from drivers.voice.declared import SpeechKeys
-from drivers.voice.engines import Engine, Espeak, Piper
-from drivers.voice.player import Player
-from drivers.voice.program import KNOWN, Speaker, Synthesiser, find_synthesiser
 from drivers.voice.speech import SpeechVoice
 
 WHEELS = ("espeakng_loader", "miniaudio")
@@ -44,7 +44,7 @@ def make_voice(
     """Return a voice; ``out`` prints what cannot be heard."""
     engine = _engine(wish, clock, report)
     if engine is None:
-        from drivers.voice.printed import PrintedVoice  # noqa: PLC0415 - a voice that is heard prints by itself
+        from drivers.sound.printed import PrintedVoice  # noqa: PLC0415 - a voice that is heard prints by itself
 
         return PrintedVoice(clock, out, usual=wish.usual, changed=changed)
     player = Player(clock, device=wish.device, volume=wish.volume, backend=wish.backend, report=report)

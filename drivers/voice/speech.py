@@ -16,13 +16,13 @@ from drivers.api import (
 )
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DeviceFault, DriverError, NotConnected
-from drivers.guard import guarded
-from drivers.voice.cut import Cut
-from drivers.voice.engines import Engine
-from drivers.voice.manner import filled, seconds_of
-from drivers.voice.player import Player
-from drivers.voice.sounds import checked, length_of
-from drivers.voice.spoken import SpokenWords, Turns, movement
+from drivers.sound.cut import Cut
+from drivers.sound.engines import Engine
+from drivers.sound.manner import filled, seconds_of
+from drivers.sound.player import Player
+from drivers.sound.sounds import checked, length_of
+from drivers.sound.spoken import SpokenWords, Turns, movement
+from drivers.transport.guard import guarded
 
 
 class SpeechVoice:

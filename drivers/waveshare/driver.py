@@ -5,13 +5,13 @@ from math import inf
 from typing import Unpack
 
 from drivers.api import DeviceStatus
+from drivers.base.arbitrated import Settings
 from drivers.base.plain_base import ASKING, PlainBase
 from drivers.base.progress_monitor import Instruments
 from drivers.base.reckoning import TwoWheels
-from drivers.base.steered import Settings
 from drivers.clock import Clock
-from drivers.lines import LineFinder
-from drivers.link import Link
+from drivers.transport.lines import LineFinder
+from drivers.transport.link import Link
 from drivers.waveshare import wire
 
 PERIOD = 0.02

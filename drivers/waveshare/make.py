@@ -1,8 +1,8 @@
 """From the keys of a robot file to the driver of a rover."""
 
 from drivers.api.driver import Site
-from drivers.base.steered import settings_of
-from drivers.link import Link
+from drivers.base.arbitrated import settings_of
+from drivers.transport.link import Link
 from drivers.waveshare.declared import WaveshareKeys
 from drivers.waveshare.driver import WaveshareBase
 

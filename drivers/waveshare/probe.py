@@ -4,7 +4,7 @@ from collections.abc import Generator
 from contextlib import suppress
 
 from drivers.api.probing import Answer, Ask
-from drivers.lines import LineFinder
+from drivers.transport.lines import LineFinder
 from drivers.waveshare import wire
 
 BAUD = 115_200

@@ -16,7 +16,7 @@ WITMOTION = Driver(
     "An IMU of WitMotion's: JY901, WT901, BWT901.",
     WitMotionKeys,
     make="drivers.witmotion.driver:make",
-    twin="drivers.sim.twins.imu:imu",
-    virtual="drivers.virtual.witmotion:imu",
+    twin="drivers.witmotion.twin:imu",
+    virtual="drivers.witmotion.virtual:imu",
     probe="drivers.witmotion.probe:probe",
 )

@@ -5,7 +5,7 @@ from math import inf
 from drivers.api import Attitude, Health, Quality, Reading
 from drivers.api.driver import Site
 from drivers.clock import Clock
-from drivers.link import Link
+from drivers.transport.link import Link
 from drivers.witmotion import wire
 from drivers.witmotion.declared import WitMotionKeys
 
@@ -55,7 +55,7 @@ class WitMotionImu:
             return Health(False, detail, "set it to 115200 baud with WitMotion's program, or give 'baud'", counters)
         return Health(True, counters=counters)
 
-    # What follows is drivers.link.Talker, called from the link's thread.
+    # What follows is drivers.transport.link.Talker, called from the link's thread.
 
     def connected(self) -> None:
         """Begin anew on a port just opened."""

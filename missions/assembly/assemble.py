@@ -10,7 +10,7 @@ from drivers.api import Device, Voice
 from drivers.api.driver import Site, resolved
 from drivers.api.sections import Wired
 from drivers.clock import Clock
-from drivers.ports import refuse_other_than_serial
+from drivers.transport.ports import refuse_other_than_serial
 from missions.assembly.assembled import Assembled, Looking
 from missions.assembly.lags import Lags
 from missions.assembly.together import Hooks, Overrides, made_by, put_together, with_carriers

@@ -15,7 +15,7 @@ from drivers.camera.make import make
 from drivers.camera.source import is_live
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from missions.assembly.detectors import face_detector
+from missions.assembly.models import face_detector
 from missions.assembly.together import gaze
 from missions.library.interests import Interests
 from perception.api import Face, Frame, Gaze, Marker, Scene, Sight, Thing, View, Wanted, ignore

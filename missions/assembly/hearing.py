@@ -9,16 +9,15 @@ from drivers.api import Device, DeviceStatus, Health, Microphone, Report, Voice
 from drivers.api.driver import resolved
 from drivers.api.senses import MicrophoneKeys
 from drivers.clock import Clock
-from drivers.pipe import Worker
+from drivers.transport.pipe import Worker
 from missions.assembly.duplex import HalfDuplex
 from missions.library.pronouncing import lexicon_for
 from perception.api import Hearing as Heard
 from perception.api import Words, ignore
 from perception.hearing.acceptance import learned
-from perception.hearing.ears import Ears
 from perception.hearing.engines import MODELLED, Modelled, Sphinx
 from perception.hearing.grammar import Grammar
-from perception.hearing.listener import Listener, never
+from perception.hearing.listener import Ears, Listener, never
 
 if TYPE_CHECKING:
     from missions.assembly.assemble import Place

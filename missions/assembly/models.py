@@ -9,7 +9,10 @@ from pathlib import Path
 from typing import BinaryIO
 
 from drivers.api.quick import dataclass
+from drivers.api.senses import CameraKeys
 from missions.library.folders import data_folder
+from perception.faces import HaarFaces
+from perception.finder import FaceDetector
 
 TIMEOUT = 30.0
 """Seconds for which a server may be silent."""
@@ -121,3 +124,21 @@ def _download(model: Model, source: str, file: BinaryIO, told: Callable[[int], N
             f"not {model.size} bytes with {model.sha256}",
             hint=f"mission models fetch {model.name}  (again, from another network)",
         )
+
+
+# Which detector finds the faces: the one that the camera section of the robot file names.
+
+
+def face_detector(camera: CameraKeys | None) -> FaceDetector:
+    """Return the detector of ``camera``, Haar where nothing is said; it reads its file when the first picture comes."""
+    if camera is None or camera.detector == "haar":
+        return HaarFaces()
+    from perception.yunet import YuNetFaces  # noqa: PLC0415 - most robots have no such file
+
+    return YuNetFaces(yunet_file(camera))
+
+
+def yunet_file(camera: CameraKeys) -> Path:
+    """Return where YuNet's file is: as the robot file says, else where `mission models fetch` puts it."""
+    named = camera.model if camera.detector == "yunet" else ""
+    return Path(named).expanduser() if named else folder() / YUNET.file

@@ -5,13 +5,12 @@ from pathlib import Path
 from config.robot import RobotConfig
 from config.world import WorldConfig
 from drivers.api import Pose2D
-from drivers.dynamixel.declared import DynamixelKeys
-from drivers.dynamixel.motor import motor_of
 from drivers.errors import BadRequest
 from drivers.legs.body import body_of
 from drivers.legs.declared import LegsKeys
-from drivers.sim.rigid.links import Floor, Push
-from drivers.sim.rigid.mjcf import mjcf
+from drivers.servos.declared import DynamixelKeys
+from drivers.servos.models import motor_of
+from drivers.sim.rigid.links import Floor, Push, mjcf
 from drivers.sim.rigid.robot import figure_of
 from drivers.sim.rigid.scene import Scene
 

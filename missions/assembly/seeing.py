@@ -9,17 +9,15 @@ from config.colours import COLOURS
 from drivers.sim.timeline import Timeline
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
-from missions.assembly.truth import SensorNoise, Truth
-from missions.assembly.truth_names import TrueNames
+from missions.assembly.truth import SensorNoise, TrueNames, Truth
 from missions.library.interests import Interests
 from perception.api import Face, Gaze, Marker, Scene, Thing, View
 from perception.eyes import NewestView
 from perception.geometry import Pinhole
 from perception.identity import Naming
 from perception.markers import MarkerSighting
-from perception.sighting import Sighting
 from perception.things import ThingSighting
-from perception.tracks import Tracker
+from perception.tracks import Sighting, Tracker
 
 __all__ = ["Glimpse", "SensorNoise", "SteppedEyes", "TrueSight"]
 

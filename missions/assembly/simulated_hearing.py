@@ -10,10 +10,10 @@ from drivers.api import DeviceStatus, Health, Manner, Report, Voice
 from drivers.api.senses import MicrophoneKeys
 from drivers.clock import Clock
 from drivers.extras import extra_hint
+from drivers.microphone.twin import HearingTwin
+from drivers.microphone.virtual import VoicedMicrophone
 from drivers.sim.acts import Reply
-from drivers.sim.twins.ears import HearingTwin
-from drivers.virtual.voiced import VoicedMicrophone
-from drivers.voice.engines import Espeak
+from drivers.sound.engines import Espeak
 from missions.assembly.duplex import HalfDuplex
 from missions.assembly.hearing import Hearing, hearing
 from perception.api import Words

@@ -13,7 +13,7 @@ from drivers.api import Camera, HeadPose, Pose2D, ignore
 from drivers.api.driver import resolved
 from drivers.clock import Clock
 from drivers.sim.acts import Reply
-from drivers.sim.panned import PannedCamera
+from drivers.sim.painter import PannedCamera
 from drivers.sim.rendered import RenderedCamera
 from drivers.sim.stage import Stage
 from drivers.sim.viewpoint import Viewpoint, mounted

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 MakePad = Callable[[Base, Clock, Report], Device]
-"""Makes what reads a game pad beside a mission, and commands the base: ``missions.hands.teleop.beside.pad_beside``."""
+"""Makes a device that reads a game pad and commands the base: ``missions.plugins.teleop.beside.pad_beside``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ def _places(config: RobotConfig) -> Mapping[str, tuple[float, float, float, str]
     """Return the places of a robot's map: x and y (m), heading (rad), and the frame; none for one that has no map."""
     if "ros2" not in config.sections:
         return {}
-    from missions.library.places import places_of  # noqa: PLC0415 - a robot without ROS 2 knows no map
+    from missions.library.folders import places_of  # noqa: PLC0415 - a robot without ROS 2 knows no map
 
     return {name: (it.x, it.y, it.heading, it.frame) for name, it in places_of(config).items()}
 

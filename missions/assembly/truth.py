@@ -1,11 +1,12 @@
 """The percepts of perfect detectors in the simulated world: the truth behind the eyes of simulated time."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, product
 from math import atan2, cos, hypot, pi, remainder, sin, tau
 from random import Random
 
+from config.people import PersonConfig
 from drivers.sim.block import Block, Point3, Solid
 from drivers.sim.people import Presence
 from drivers.sim.room import Colour
@@ -14,12 +15,36 @@ from drivers.sim.things import Box as Crate
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
 from perception.api import ANY, BALL, BOX, Box, Detection, Wanted
+from perception.colour import TURNED
 from perception.geometry import FACE_WIDTH, Pinhole
+from perception.identity import Look
 from perception.markers import MarkerKind, MarkerSighting
-from perception.shapes import TURNED
-from perception.sighting import Sighting
 from perception.spots import SMALLEST, WIDTH, Spot
 from perception.things import ThingSighting
+from perception.tracks import Sighting
+
+# Names for eyes that know the world: what a recogniser would say of each face, mistakes now and then included.
+
+SURE = 1.0
+"""The margin of each look, either way."""
+
+
+class TrueNames:
+    """Says of each face whose it is, as far as that person is known; of a share ``mistaken`` of looks, the contrary."""
+
+    def __init__(self, people: Iterable[PersonConfig], mistaken: float, random: Random) -> None:
+        self._known = frozenset(person.name for person in people if person.known)
+        self._mistaken = mistaken
+        self._random = random
+
+    def look(self, face: Box, sightings: Sequence[Sighting]) -> Look | None:
+        """Return what one look at the face in a box says; None where none of the ``sightings`` is there."""
+        who = next((sighting.who for sighting in sightings if sighting.box == face), "")
+        if not who:
+            return None
+        wrong = self._random.random() < self._mistaken
+        return Look(who, SURE if (who in self._known) is not wrong else -SURE)
+
 
 FACE_DROP = 0.03
 """Metres from the eyes down to the middle of a Haar box, which reaches from the hairline to the chin."""
@@ -31,7 +56,7 @@ SMALLEST_MARKER = 24.0
 """Pixels of a marker's side below which its number cannot be read: 4 for each of its cells."""
 
 MARKER_HEIGHT = MARKER_SIZE * 4 / 3
-"""Metres of a marker with its white rim, which hangs below the upper edge of a robot (``drivers.sim.drawable``)."""
+"""Metres of a marker with its white rim, which hangs below the upper edge of a robot (``drivers.sim.render``)."""
 
 
 @dataclass(frozen=True, slots=True)

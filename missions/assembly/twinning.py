@@ -1,7 +1,9 @@
 """From a robot file to twins: in one world, on one timeline, all in one thread."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
+from math import inf
 from random import Random
 from typing import Any
 
@@ -9,27 +11,113 @@ import numpy as np
 
 from config.robot import RobotConfig, Section
 from config.world import WorldConfig
-from drivers.api import CameraFrame, Device, Image
+from drivers.api import CameraFrame, Device, Image, Mood
+from drivers.api.sections import ScreenKeys, VoiceKeys
 from drivers.api.senses import CameraKeys
+from drivers.camera.twin import CameraTwin
+from drivers.microphone.twin import HearingTwin
+from drivers.screen.twin import ScreenTwin
+from drivers.sim.acts import Reply
 from drivers.sim.render import Renderer
 from drivers.sim.stage import Stage
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins.camera import CameraTwin
 from drivers.sim.viewpoint import Pinhole as Lens
+from drivers.voice.twin import VoiceTwin
 from missions.assembly.assembled import Assembled, Looking
-from missions.assembly.conversation import Conversation
-from missions.assembly.detectors import face_detector
+from missions.assembly.duplex import HalfDuplex
 from missions.assembly.eyes import vision
+from missions.assembly.face import FRAME, Lips
 from missions.assembly.gallery import recogniser
+from missions.assembly.models import face_detector
 from missions.assembly.seeing import Glimpse, SensorNoise, SteppedEyes, TrueSight
 from missions.assembly.together import Hooks, gaze, made_by, put_together, with_carriers
-from missions.assembly.truth_names import TrueNames
+from missions.assembly.truth import TrueNames
 from missions.assembly.twins import Twins
 from missions.library.interests import Interests
 from missions.library.worlds import build_physics, build_world
-from perception.api import Gaze
+from perception.api import Gaze, Words
 from perception.eyes import Vision
 from perception.geometry import Pinhole
+from perception.hearing.grammar import Grammar
+
+# How a robot in simulated time deals with the people in its world: the twins of its voice, its ears and its face.
+
+
+class Conversation:
+    """Gives ``twins`` a voice, ears and a face, and lets the people in the ``world`` answer in their own time.
+
+    People and robot hear each other where they are near enough, with no inner wall between. ``phrases`` are what the
+    robot listens for.
+    """
+
+    def __init__(self, twins: Twins, world: WorldConfig, audience: Hooks, phrases: tuple[str, ...], seed: int) -> None:
+        self._twins = twins
+        self._world = world
+        self._audience = audience
+        self._phrases = phrases
+        self._seed = seed
+
+    def twin(self, kind: str, keys: Any) -> Device | None:
+        """Return the twin of a part that takes part in it; None for others."""
+        match kind:
+            case "voice":
+                return self._voice(keys)
+            case "microphone":
+                return self._microphone()
+            case "screen":
+                return self._screen(keys)
+        return None
+
+    def begin(self) -> None:
+        """Let the people say what they say unasked."""
+        self._expect(self._twins.world.said(-1.0, inf))
+
+    def _voice(self, keys: VoiceKeys) -> VoiceTwin:
+        clock, audience = self._twins.timeline.clock, self._audience
+        return VoiceTwin(clock, self._say, usual=keys.manner, report=audience.report, changed=audience.changed)
+
+    def _microphone(self) -> HearingTwin[Words]:
+        clock, audience = self._twins.timeline.clock, self._audience
+        return HearingTwin(
+            clock,
+            Grammar.of(self._phrases),
+            Words,
+            deaf=HalfDuplex(self._twins.parts.get("voice"), clock).deaf,
+            mishearing=self._world.physics.mishearing,
+            seed=self._seed,
+            report=audience.report,
+            changed=audience.changed,
+        )
+
+    def _screen(self, keys: ScreenKeys) -> ScreenTwin:
+        timeline, voice = self._twins.timeline, self._twins.parts.get("voice")
+        screen = ScreenTwin(timeline.clock, awake=Mood(keys.mood), report=self._audience.report)
+        if voice is not None:
+            timeline.every(FRAME, Lips(voice, screen, timeline.clock).step)
+        return screen
+
+    def _say(self, text: str) -> None:
+        """Say something aloud."""
+        twins = self._twins
+        self._audience.out(text)
+        self._expect(twins.world.hear(text, twins.timeline.clock.now(), self._stand()))
+
+    def _expect(self, replies: Iterable[Reply]) -> None:
+        """Have what people say told, and heard, when they say it."""
+        for reply in replies:
+            self._twins.timeline.at(reply.when, partial(self._spoken, reply))
+
+    def _spoken(self, reply: Reply) -> None:
+        twins = self._twins
+        self._audience.answered(reply.who, reply.text)
+        if twins.microphone is not None and twins.world.audible(reply.who, twins.timeline.clock.now(), self._stand()):
+            twins.microphone.hear(reply)
+
+    def _stand(self) -> tuple[float, float]:
+        """Return where the robot truly is."""
+        pose = self._twins.pose()
+        return pose.x, pose.y
+
 
 PICTURE_PERIOD = 0.08
 """Seconds from one searched picture to the next, for eyes of either kind: what a small computer manages with this

@@ -5,22 +5,22 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from drivers.api import Device, Pose2D
+from drivers.base.twin import BaseTwin
+from drivers.camera.twin import CameraTwin
+from drivers.microphone.twin import HearingTwin
+from drivers.screen.twin import ScreenTwin
 from drivers.sim.stage import TrueBase, TrueHead
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins.base import BaseTwin
-from drivers.sim.twins.camera import CameraTwin
-from drivers.sim.twins.ears import HearingTwin
-from drivers.sim.twins.screen import ScreenTwin
-from drivers.sim.twins.voice import VoiceTwin
 from drivers.sim.viewpoint import Pinhole as Lens
 from drivers.sim.viewpoint import Viewpoint, mounted
 from drivers.sim.world import World
+from drivers.voice.twin import VoiceTwin
 from perception.api import Words
 
 if TYPE_CHECKING:  # what few robots have is not imported for the others
+    from drivers.legs.twin import LegsTwin
+    from drivers.servos.twin import JointsTwin
     from drivers.sim.rigid.scene import Scene
-    from drivers.sim.twins.joints import JointsTwin
-    from drivers.sim.twins.legs import LegsTwin
 
 T = TypeVar("T")
 
@@ -56,14 +56,14 @@ class Twins:
         """The base, where it walks."""
         if self.base is not None or "base" not in self.parts:
             return None
-        from drivers.sim.twins.legs import LegsTwin  # noqa: PLC0415 - see above
+        from drivers.legs.twin import LegsTwin  # noqa: PLC0415 - see above
 
         return self._of("base", LegsTwin)
 
     @property
     def arms(self) -> "Mapping[str, JointsTwin]":
         """All arms, by the names of their parts."""
-        from drivers.sim.twins.joints import JointsTwin  # noqa: PLC0415 - see above
+        from drivers.servos.twin import JointsTwin  # noqa: PLC0415 - see above
 
         return {part: twin for part, twin in self.parts.items() if isinstance(twin, JointsTwin)}
 

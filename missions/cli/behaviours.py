@@ -10,9 +10,9 @@ from rich.table import Table
 
 from behaviours.leaf import Leaf
 from config.units import UNITS
-from missions.cli.console import console, echo
 from missions.cli.names import BEHAVIOUR
 from missions.cli.options import behaviours_option, own_files
+from missions.cli.printable import console, echo
 from missions.language.counts import COUNTS
 from missions.language.nodes import BRANCHES, COMPOSITES, MODIFIERS, OTHERS
 from missions.language.steps import BESIDE

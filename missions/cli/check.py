@@ -62,7 +62,7 @@ def _checked(
     """
     try:
         if Path(name).name.endswith(TESTS):
-            from missions.testing.suite import load_suite  # noqa: PLC0415 - brings the whole simulation along
+            from missions.plugins.testing.suite import load_suite  # noqa: PLC0415 - brings the whole simulation along
 
             cases = len(load_suite(Path(name), files))
             return f"{name}: good ({cases} case{'s' if cases > 1 else ''})", [], []

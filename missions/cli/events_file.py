@@ -8,8 +8,8 @@ from typing import Self
 import click
 
 from missions.cli.outputs import writing
-from missions.executive.json_lines import JsonLines
-from missions.records.recording.outputs import EarlierFile, open_private
+from missions.executive.events import JsonLines
+from missions.library.private_files import EarlierFile, open_private
 
 
 class EventsFile:

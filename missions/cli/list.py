@@ -17,7 +17,7 @@ from config.object import load_object
 from config.world import load_world
 from drivers.api.driver import BrokenDriver
 from drivers.api.sections import ArmKeys
-from missions.cli.console import echo
+from missions.cli.printable import echo
 from missions.library.drivers import Table, load_robot
 from missions.library.shipped import load_mission, shipped_missions
 

@@ -9,6 +9,7 @@ from py_trees.common import Status
 
 from behaviours.leaf import Leaf
 from behaviours.node import Node
+from missions.cli.printable import printable, terminal
 from missions.executive.events import (
     CommandSent,
     Ended,
@@ -21,11 +22,10 @@ from missions.executive.events import (
     Started,
     Ticked,
 )
-from missions.views.pictures.drawing import ACTIVE
-from missions.views.printable import printable, terminal
+from missions.trees.drawing import ACTIVE
 
 if TYPE_CHECKING:
-    from missions.cli.console import LiveLines
+    from missions.cli.printable import LiveLines
 
 REFRESH = 0.1
 """Seconds between two drawings of the live line."""
@@ -75,7 +75,7 @@ def lines_on(out: TextIO) -> "PlainLines | LiveLines":
     """Return the lines of a terminal, or of what is none."""
     if not out.isatty():
         return PlainLines(out)
-    from missions.cli.console import LiveLines  # noqa: PLC0415 - most runs of a robot have no terminal
+    from missions.cli.printable import LiveLines  # noqa: PLC0415 - most runs of a robot have no terminal
 
     return LiveLines(out)
 

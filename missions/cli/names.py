@@ -128,7 +128,7 @@ def _people(robot: str | None) -> Iterable[str]:
 def runs(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Return what runs on this machine, by the numbers of the processes: for `mission stop`."""
     del ctx, param
-    from missions.studio.searching import search  # noqa: PLC0415
+    from missions.control.searching import search  # noqa: PLC0415
 
     found = {each.run: "" if each.holder is None else each.holder.name for each in search().found}
     return [CompletionItem(number, help=name) for number, name in found.items() if number.startswith(incomplete)]

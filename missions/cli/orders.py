@@ -13,7 +13,7 @@ from behaviours.sight import Faces
 from config.faults import did_you_mean
 from missions.assembly.together import MakePad
 from missions.language.plan import Plan, Step
-from missions.order import RunRequest, contradictions
+from missions.request import RunRequest, contradictions
 from missions.runner import ports_of, robot_of
 from perception.api import UNKNOWN
 
@@ -79,7 +79,7 @@ def pad_of(order: RunRequest) -> MakePad | None:
     """Return what makes the reader of a run's game pad; None where it has none."""
     if order.pad is None:
         return None
-    from missions.hands.teleop.beside import pad_beside  # noqa: PLC0415 - few runs have one
+    from missions.plugins.teleop.beside import pad_beside  # noqa: PLC0415 - few runs have one
 
     return pad_beside(order.pad)
 
@@ -101,6 +101,6 @@ def check_film(path: Path, order: RunRequest) -> None:
     """Raise click.UsageError for a film that cannot be made, or would take the place of something."""
     if order.simulation != "fast":
         raise click.UsageError("--film is made in simulated time: add --simulate fast")
-    from missions.cli.movie import check_place  # noqa: PLC0415 - the metal makes no films
+    from missions.plugins.pictures.movie import check_place  # noqa: PLC0415 - the metal makes no films
 
     check_place(path, "--film")

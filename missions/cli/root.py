@@ -1,7 +1,9 @@
 """The ``mission`` command itself: finds its subcommand, and turns what goes wrong into words and an exit code."""
 
+import errno
 import gc
 import os
+import resource
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -10,15 +12,79 @@ from pathlib import Path
 
 import click
 
-from missions.cli.memory import OutOfMemoryError, advice, limit, shortage, tell_of_limit
-from missions.views.printable import printable_streams
+from missions.cli.printable import printable_streams
+
+# Commands that run out of memory: said so, with what to do, whichever error it came as.
+
+ENOUGH_MEMORY = 1_000_000_000
+"""Bytes of address space with which every command works: simulation and cameras take 0.6 GB."""
+
+SIGNS = (
+    "failed to map segment",
+    "cannot allocate memory",
+    "insufficient memory",
+    "can't start new thread",
+    "unable to allocate",
+    "failed to allocate",
+)
+"""Parts of the messages of libraries that have run out of memory, in small letters."""
+
+
+class OutOfMemoryError(Exception):
+    """A command has run out of memory; the message says what failed."""
+
+
+def shortage(error: BaseException) -> str:
+    """Return what failed for lack of memory: this error, or one that has led to it; nothing where none did."""
+    seen: list[BaseException] = []
+    at: BaseException | None = error
+    while at is not None and at not in seen:
+        seen.append(at)
+        if isinstance(at, MemoryError) or (isinstance(at, OSError) and at.errno == errno.ENOMEM):
+            return str(at) or "no memory is left"
+        for line in _words(at).splitlines():
+            if any(sign in line.lower() for sign in SIGNS):
+                return line.strip()[-200:]
+        at = at.__cause__ or at.__context__
+    return ""
+
+
+def _words(error: BaseException) -> str:
+    """Return the message of an error; nothing where it cannot be read, or may be for lack of processes."""
+    try:
+        words = str(error)
+    except Exception:  # of somebody else's
+        return ""
+    return "" if "start new thread" in words and limit() is None else words
+
+
+def limit() -> int | None:
+    """Return the bytes of memory that this process may take, as ``ulimit -v`` and ``-d`` say; None for any number."""
+    found = [resource.getrlimit(each)[0] for each in (resource.RLIMIT_AS, resource.RLIMIT_DATA)]
+    return min((each for each in found if each != resource.RLIM_INFINITY), default=None)
+
+
+def tell_of_limit() -> None:
+    """Warn of a limit that is low: libraries in C may end the process without a word when they run into it."""
+    allowed = limit()
+    if allowed is not None and allowed < ENOUGH_MEMORY:
+        said = f"mission: memory is limited to {allowed / 1e6:.0f} MB, so this may run out of memory"
+        click.echo(f"{said}\n  try: {advice(allowed)}", err=True)
+
+
+def advice(allowed: int | None) -> str:
+    """Return what to do about a lack of memory, where so many bytes are ``allowed``."""
+    if allowed is not None:
+        return f"ulimit -v unlimited; ulimit -d unlimited  (in this shell; now {allowed // 1024} kB)"
+    return "free -m  (what is left), and end what takes it"
+
 
 SUCCESS, FAILURE, USAGE, DEVICE, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130
 """The exit codes: a mission's success and failure, bad usage or a bad file, a device,
 a fault of our own, Ctrl-C or SIGTERM."""
 
 ALONE = "alone"
-"""What the context of a command is told where the process is its alone: `missions.studio.holders.OWN_PROCESS`."""
+"""What the context of a command is told where the process is its alone: `missions.control.holders.OWN_PROCESS`."""
 
 COMPLETING = "_MISSION_COMPLETE"
 """What a shell sets in the environment where it asks what a word may become."""
@@ -82,6 +148,51 @@ GROUPS = {
 COMMANDS = {name: words for group in GROUPS.values() for name, words in group.items()}
 
 
+OPTIONAL = {
+    "doctor": "setup",
+    "robot": "setup",
+    "ports": "setup",
+    "camera": "setup",
+    "person": "setup",
+    "models": "setup",
+    "udev": "setup",
+    "head": "setup",
+    "servo": "setup",
+    "see": "setup",
+    "hear": "setup",
+    "place": "ros2",
+    "ros2": "ros2.command",
+    "gait": "legs.command",
+    "studio": "studio.command",
+    "teleop": "teleop.command",
+    "schema": "schema.command",
+    "verify": "verify.command",
+    "task": "tasks.commands",
+    "serve": "tasks.commands",
+    "fleet": "fleet.commands",
+    "world": "pictures.commands",
+    "record": "records.commands",
+    "replay": "records.commands",
+    "report": "records.commands",
+    "stats": "records.commands",
+    "test": "testing.commands",
+    "sweep": "testing.commands",
+    "controller": "testing.commands",
+    "tune": "testing.commands",
+    "fault": "testing.commands",
+    "simulate": "testing.commands",
+}
+"""The commands of plug-ins: the package, or the module, of ``missions.plugins`` in which each of them stands."""
+
+
+def command_module(name: str) -> str:
+    """Return the dotted path of the module of a command."""
+    if name not in OPTIONAL:
+        return f"missions.cli.{name}"
+    place = OPTIONAL[name]
+    return f"missions.plugins.{place}" if place.endswith(".command") else f"missions.plugins.{place}.{name}"
+
+
 class Commands(click.Group):
     """A group that imports a subcommand when it is asked for, and lists them all without importing any."""
 
@@ -95,7 +206,7 @@ class Commands(click.Group):
         del ctx
         if cmd_name not in COMMANDS:
             return None
-        command = import_module(f"missions.cli.{cmd_name}").command
+        command = import_module(command_module(cmd_name)).command
         settle()
         return command if isinstance(command, click.Command) else None
 
@@ -173,7 +284,7 @@ def guarded(work: Callable[[], object]) -> int:
     from config.units import seen  # noqa: PLC0415
     from drivers.errors import DriverError  # noqa: PLC0415
     from missions.cli.origin import forget_origin  # noqa: PLC0415
-    from missions.records.recording.faults import InvalidRecordError  # noqa: PLC0415
+    from missions.plugins.records.recording.faults import InvalidRecordError  # noqa: PLC0415
     from perception.faults import BadModel  # noqa: PLC0415
 
     forget_origin()

@@ -18,16 +18,16 @@ from missions.cli.names import MISSION, ROBOT, WORLD
 from missions.cli.numbers import Real, Whole
 from missions.cli.options import SECONDS, MissionCommand, behaviours_option, pairs, params_option
 from missions.cli.origin import chosen_robot, robot_file
-from missions.cli.recording import record_options, record_wish
 from missions.cli.root import DEVICE, FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.running import Outputs, run
 from missions.executive.executive import Result
-from missions.hands.teleop import FIRST_PAD
-from missions.order import RunRequest, Simulate
-from missions.studio import ring
+from missions.plugins.records import ring
+from missions.plugins.records.run_options import record_options, record_wish
+from missions.plugins.teleop import FIRST_PAD
+from missions.request import RunRequest, Simulate
 
 if TYPE_CHECKING:
-    from missions.cli.announcing import Announcer
+    from missions.plugins.ros2.announcing import Announcer
 
 
 def usual(
@@ -246,7 +246,7 @@ def command(
 
 
 def _announcer(robot: str | None, router: str | None, domain: int | None) -> "Announcer":
-    from missions.cli.announcing import announcer_of  # noqa: PLC0415 - few runs are told to ROS 2
+    from missions.plugins.ros2.announcing import announcer_of  # noqa: PLC0415 - few runs are told to ROS 2
 
     return announcer_of(robot, router, domain)
 

@@ -18,22 +18,22 @@ from missions.cli.leash import GONE, heeded, leashed
 from missions.cli.live import Watcher
 from missions.cli.options import tell_found
 from missions.cli.orders import check_events, check_film, check_order, check_pad, check_people, pad_of
-from missions.cli.recording import Recording, RecordWish
 from missions.cli.root import settle
+from missions.control.control import ControlSocket
+from missions.control.holders import noted, require_not_stopped
+from missions.control.pictures import Pictures
 from missions.executive.executive import Result
 from missions.executive.watchdog import attempt_all
 from missions.library.shipped import behaviour_files
-from missions.order import RunRequest
+from missions.plugins.records.run_options import Recording, RecordWish
+from missions.request import RunRequest
 from missions.runner import Runner, end_process
-from missions.studio.control import ControlSocket
-from missions.studio.holders import noted, require_not_stopped
-from missions.studio.pictures import Pictures
 
 if TYPE_CHECKING:
-    from missions.cli.announcing import Announcer
     from missions.cli.events_file import EventsFile
-    from missions.cli.film import Film
-    from missions.cli.viewing import LiveView
+    from missions.plugins.pictures.film import Film
+    from missions.plugins.ros2.announcing import Announcer
+    from missions.plugins.view.viewing import LiveView
 
 LAST_WORDS_TIME = 3.0
 """Seconds in which a run that hangs for good may say how it ended: a view needs half a second to leave."""
@@ -174,7 +174,7 @@ def _check(order: RunRequest, outputs: Outputs, out: TextIO, until: float | None
     if outputs.film is not None:
         check_film(outputs.film, order)
     if outputs.view:
-        from missions.views.live.terminal import unviewable  # noqa: PLC0415 - as `_view`
+        from missions.plugins.view.terminal import unviewable  # noqa: PLC0415 - as `_view`
 
         if why := unviewable(out):
             raise click.UsageError(why)
@@ -188,7 +188,7 @@ def tell_unreachable(control: ControlSocket) -> None:
 
 
 def _view(runner: Runner, watcher: Watcher) -> "LiveView":
-    from missions.cli.viewing import LiveView  # noqa: PLC0415 - a run that nobody views needs none of it
+    from missions.plugins.view.viewing import LiveView  # noqa: PLC0415 - a run that nobody views needs none of it
 
     return LiveView(runner, watcher)
 
@@ -220,7 +220,7 @@ def _write(
         runner.stream.listeners.append(events.lines)
         read.append(events.file)
     if outputs.film is not None and runner.twins is not None:
-        from missions.cli.film import Film  # noqa: PLC0415 - the metal imports no simulation
+        from missions.plugins.pictures.film import Film  # noqa: PLC0415 - the metal imports no simulation
 
         film = Film(outputs.film, runner.twins)
         closing.callback(_tell_trouble, film)

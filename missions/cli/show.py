@@ -13,13 +13,12 @@ from missions.cli.numbers import Whole
 from missions.cli.options import SECONDS, behaviours_option, leaves_for, params_option
 from missions.cli.outputs import writing, wrote
 from missions.library.shipped import load_mission
-from missions.records.recording.read import open_record
-from missions.views.pictures.compare import compare
-from missions.views.pictures.draw import at, drawing_of, folded
-from missions.views.pictures.drawing import Drawing
-from missions.views.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES, Dump
-from missions.views.pictures.side_by_side import side_by_side
-from missions.views.pictures.states import now_of
+from missions.plugins.pictures.compare import compare, side_by_side
+from missions.plugins.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES, Dump
+from missions.plugins.records.recording.read import open_record
+from missions.trees.draw import at, drawing_of, folded
+from missions.trees.drawing import Drawing
+from missions.trees.states import now_of
 
 RECORD = ".mcap"
 """What the name of a record ends in; all other names are missions."""

@@ -8,7 +8,7 @@ import click
 
 from missions.cli.names import runs
 from missions.cli.root import FAILURE, SUCCESS
-from missions.studio.stopping import ask_all
+from missions.control.stopping import ask_all
 
 NOBODY = "no mission runs"
 

@@ -6,8 +6,7 @@ from typing import Self
 from py_trees import composites
 from py_trees.common import ParallelPolicy, Status
 
-from behaviours.node import Node
-from behaviours.suspension import Suspension
+from behaviours.node import Node, Suspension
 from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite
 from missions.language.counts import Decision, decision
 from missions.language.expressions import ExpressionError

@@ -7,11 +7,134 @@ from py_trees import composites
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from behaviours.node import Node
-from behaviours.suspension import Suspension
+from behaviours.node import Node, Suspension, lost_reason
 from missions.executive.at_once import Parallel, Race
 from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite
-from missions.executive.reactive import ReactiveSelector, ReactiveSequence
+
+# The reactive composites: they ask their children again from the first at every tick.
+
+
+class _Reactive(Composite):
+    """The children from the first at every tick; one that ends the search halts the running one behind it first.
+
+    It stands still while a child is suspended: ``_running`` keeps its place without being ticked. ``_stood`` says that
+    children before it may run for that reason alone; ``_ended`` is one that has ended meanwhile, by a deadline of its
+    own, and is not started anew when its turn comes.
+    """
+
+    run_state = ("_running", "_retiring", "_stood", "_ended")
+    passes: ClassVar[Status]
+    current_child: Behaviour | None
+    _running: Node | None = None
+    _retiring: Node | None = None
+    _stood = False
+    _ended: Node | None = None
+
+    def begin(self) -> None:
+        self._running = self._retiring = self._ended = None
+        self._stood = False
+
+    def on_running(self) -> Status:
+        if not self._retired():
+            return RUNNING
+        behind = self._running  # the child that runs, while we are still before it
+        status = self.passes
+        for child in self.members:
+            self.current_child = child
+            if child is behind:
+                behind = None
+            if child is self._ended:
+                continue
+            status = child.execute_tick() if behind is None else self._tick_before(child, behind)
+            if child.suspension is not None:
+                return self._suspend_with(child, behind)
+            if status is not self.passes:
+                break
+        if self._stood:
+            self._go_on_from(child)
+        self._running = child if status is RUNNING else None
+        if status is RUNNING:
+            return RUNNING
+        return self.end(self.blame(child) if status is FAILURE else status)
+
+    def _suspend_with(self, child: Node, behind: Node | None) -> Status:
+        """Stand still with a suspended child; fail once it has waited for too long, whatever comes behind it."""
+        self.suspension = suspension = child.suspension
+        if suspension is not None and suspension.lost:
+            self.feedback_message = lost_reason(suspension.reason, self.run.sensor_timeout)
+            return self.end(FAILURE)
+        self.feedback_message = child.feedback_message
+        self._stood = True
+        if behind is None or behind.status is not RUNNING:
+            self._running = child
+            return RUNNING
+        status = behind.stand_still()
+        if status is RUNNING:
+            return RUNNING
+        self._running = None
+        if status is self.passes:
+            self._ended = behind
+            return RUNNING
+        self.suspension, self.feedback_message = None, behind.feedback_message
+        return self.end(status)
+
+    def _go_on_from(self, child: Node) -> None:
+        """Halt what was suspended when this tick came no farther than to ``child``."""
+        self._stood, self._ended = False, None
+        for other in self.members:
+            if other is not child and other is not self._retiring and other.status is RUNNING and not other.halt():
+                self._retiring = other
+
+    def member_ended(self, member: Node, status: Status) -> Status:
+        self._stood = True
+        if member is self._running:
+            self._running = None
+        if status is not self.passes:
+            return self.end(super().member_ended(member, status))
+        self._ended = member
+        return RUNNING
+
+    def _retired(self) -> bool:
+        """True once what gave way at an earlier tick is at rest."""
+        if self._retiring is not None and self._retiring.halt():
+            self._retiring = None
+        return self._retiring is None
+
+    def _tick_before(self, child: Node, behind: Node) -> Status:
+        """Tick a child of higher priority than the one that runs; where it takes over, that one is halted first.
+
+        A leaf that is about to drive an actuator halts it before it starts (through ``Run.preempt``). Others show
+        only by their status that they take over: it is halted before that status is published.
+        """
+        preemptible = self.run.preemptible
+        preemptible.append(behind)
+        try:
+            status = child.on_tick()
+        finally:
+            preemptible.pop()
+        if child.suspension is None and status is not self.passes and not behind.halt():
+            self._retiring = behind
+        if status is not child.status:
+            child.publish(status)
+        return status
+
+
+class ReactiveSequence(_Reactive, composites.Sequence):
+    """A sequence from the first child at every tick."""
+
+    passes = SUCCESS
+
+    def __init__(self, name: str) -> None:
+        composites.Sequence.__init__(self, name, memory=False)
+
+
+class ReactiveSelector(_Reactive, composites.Selector):
+    """A selector from the first child at every tick."""
+
+    passes = FAILURE
+
+    def __init__(self, name: str) -> None:
+        composites.Selector.__init__(self, name, memory=False)
 
 
 class InOrder(Composite):

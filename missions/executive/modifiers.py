@@ -4,8 +4,7 @@ from collections.abc import Mapping
 
 from py_trees.common import Status
 
-from missions.executive.modifier import Modifier
-from missions.executive.parent import FAILURE, RUNNING, SUCCESS
+from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Modifier
 from missions.executive.state import unmeasured
 from missions.executive.timed import Cooldown, Delay, Hold, Timeout
 from missions.language.expressions import Expression

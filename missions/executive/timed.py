@@ -4,8 +4,7 @@ from py_trees.common import Status
 
 from behaviours.node import Node
 from config.units import written
-from missions.executive.modifier import Modifier
-from missions.executive.parent import FAILURE, RUNNING, SUCCESS
+from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Modifier
 
 ASKED_AGAIN = 1.5
 """Seconds within which a timeout is taken for asked again at the next tick: the slowest robot has a tick a second."""

@@ -6,16 +6,14 @@
 import re
 from collections.abc import Callable, Iterator
 
-from config.faults import Mark, one_of
+from config.faults import Mark, key_meant, one_of, ours_for
 from config.marked import Listing, Mapping, Node, Scalar
-from config.synonyms import key_meant, ours_for
 from config.units import seen
 from drivers.api.quick import dataclass
 from missions.language.modifiers import read_expression
 from missions.language.notes import Notes
-from missions.language.params import Param, read_params
+from missions.language.params import Param, of_one_kind, read_params, setters
 from missions.language.plan import Hole, Property, Step
-from missions.language.stored import of_one_kind, setters
 from missions.language.synonyms import WORDS
 from missions.language.values import Value
 

@@ -14,8 +14,7 @@ from config.faults import one_of
 from config.units import UNITS, Quantity, seen
 from drivers.api.quick import dataclass
 from drivers.errors import NotConnected
-from missions.language.kinds import STATE, dimensions_of
-from missions.language.members import members_in
+from missions.language.kinds import STATE, WORDS, Literals, as_python, characters, cure, dimensions_of, members_in
 from missions.language.operators import (
     BINARY,
     COMPARE,
@@ -28,7 +27,6 @@ from missions.language.operators import (
     out_of_range,
     signed,
 )
-from missions.language.spelling import WORDS, Literals, as_python, characters, cure
 
 MAX_LENGTH = 1000
 """Characters of an expression."""

@@ -19,6 +19,7 @@ from missions.language.kinds import (
     STATE,
     TEXT,
     UNSETTLED,
+    WORDS,
     Kind,
     ListOf,
     Record,
@@ -28,7 +29,6 @@ from missions.language.kinds import (
     told,
 )
 from missions.language.operators import combined
-from missions.language.spelling import WORDS
 from missions.language.values import Template, Value, divide, multiply, needs
 
 Report = Callable[[ast.expr, str, str], None]

@@ -7,18 +7,15 @@ from pathlib import Path
 from typing import get_origin
 
 from behaviours.leaf import Leaf
-from config.faults import Diagnostic, Mark, Source, closest, note, one_of
+from config.faults import Diagnostic, Mark, Source, closest, note, one_of, plain_word
 from config.marked import Node, Scalar
-from config.synonyms import plain_word
 from config.units import article, seen
 from drivers.api.quick import dataclass
 from missions.language.expressions import Expression, ExpressionError, Read
 from missions.language.inference import Where, mismatches
-from missions.language.kinds import STATE, Kind, kind_of_value
-from missions.language.members import members_of
+from missions.language.kinds import RESERVED, STATE, WORDS, Kind, kind_of_value, members_of
 from missions.language.operators import FUNCTIONS
 from missions.language.plan import Step
-from missions.language.spelling import RESERVED, WORDS
 from missions.language.values import UNREAD, Convert, Template, Value, template
 
 Lookup = Callable[[str], object]

@@ -5,9 +5,8 @@ from collections.abc import Collection, Iterator, Mapping
 
 from missions.language.expressions import Expression
 from missions.language.for_each import own_steps
-from missions.language.kinds import STATE
+from missions.language.kinds import STATE, WORDS
 from missions.language.plan import Step
-from missions.language.spelling import WORDS
 from missions.language.values import Template, Value
 
 

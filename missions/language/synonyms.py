@@ -12,8 +12,7 @@ from collections.abc import Collection, Mapping
 from difflib import SequenceMatcher
 
 from behaviours.leaf import Leaf
-from config.faults import did_you_mean, one_slip
-from config.synonyms import head_of, in_words, ours_for, plain_word
+from config.faults import did_you_mean, head_of, in_words, one_slip, ours_for, plain_word
 from drivers.api.kinds import MOVING
 
 WORDS: Mapping[str, str] = {

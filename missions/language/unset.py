@@ -15,12 +15,74 @@ from drivers.api.quick import dataclass
 from missions.language.for_each import Members
 from missions.language.kinds import STATE
 from missions.language.nodes import COMPOSITES, FAILURE, FOR_EACH, MISSION, MODIFIERS, SUCCESS, SWITCHES
+from missions.language.notes import Notes
 from missions.language.outcomes import cuts
 from missions.language.outcomes import ends as ends_of
 from missions.language.plan import UNKNOWN, Hole, Step
 from missions.language.reading import may_fail, never_zero, surely_read
-from missions.language.unset_ways import NONE, After, Event, Unset, Way, either, with_event
 from missions.language.values import Value
+
+# Sets of variables that may be unset at some place of a tree, each with the events that lead there.
+
+
+class Event(NamedTuple):
+    """The last event of a way, after those ``before``; ``length`` counts them all."""
+
+    text: str
+    before: "Way"
+    length: int
+
+
+Way = Event | None
+"""What has to happen, in order, for a variable to be unset at some place; None where that is so at first."""
+
+
+class Unset(NamedTuple):
+    """The variables that may be unset at some place: a bit for each in ``bits``, and the shortest ``ways`` of some.
+
+    Every step has such a value. A mapping of all variables to their ways would take time that is quadratic in the
+    number of steps, and so would sets.
+    """
+
+    bits: int
+    ways: Mapping[str, Way]
+
+
+NONE = Unset(0, {})
+
+
+class After(NamedTuple):
+    """What may be unset after each end of a step; None for an end that it cannot come to."""
+
+    success: Unset | None
+    failure: Unset | None
+
+
+def with_event(event: str, unset: Unset | None) -> Unset | None:
+    """Return what is unset, once ``event`` has happened besides."""
+    if unset is None or not unset.ways:
+        return unset
+    ways = {name: Event(event, way, 1 if way is None else way.length + 1) for name, way in unset.ways.items()}
+    return Unset(unset.bits, ways)
+
+
+def either(ways: Iterable[Unset | None]) -> Unset | None:
+    """Return what may be unset by one of these ways, each variable by the shortest; None where there is no way."""
+    bits: int | None = None
+    found: dict[str, Way] = {}
+    for unset in ways:
+        if unset is None:
+            continue
+        bits = unset.bits if bits is None else bits | unset.bits
+        for name, way in unset.ways.items():
+            if name not in found or _length(way) < _length(found[name]):
+                found[name] = way
+    return None if bits is None else Unset(bits, found)
+
+
+def _length(way: Way) -> int:
+    return 0 if way is None else way.length
+
 
 CONDITIONS = frozenset({*SWITCHES, *(word for word, kind in MODIFIERS.items() if kind.value == "condition")})
 """The kinds of nodes that ask an expression which way to go."""
@@ -290,3 +352,64 @@ def _asks_variables(step: Step) -> bool:
     asked = (each for each in step.walk() if each.kind in CONDITIONS)
     values = (value.template for each in asked for value in each.arguments.values())
     return any(read.name not in STATE for template in values if template is not None for read in template.reads)
+
+
+# Which variables have a value where they are read: what nothing before sets, or not on every way, is a mistake.
+
+AGAIN = frozenset(
+    {
+        *(word for word, kind in COMPOSITES.items() if kind.at_once or kind.reactive),
+        *(word for word, kind in MODIFIERS.items() if kind.repeats or kind.every_tick),
+    }
+)
+"""The kinds below which one part may follow any other: in a later round, or at the same time."""
+
+
+MAX_EVENTS = 10
+"""Events of a way that a message lists."""
+
+HINT = "set it before, such as set: {{{0}: null}}, and ask for it here with if: {0} != null"
+
+
+def check_flow(notes: Notes, tree: Step) -> None:
+    """Note every variable that is read where no step that can come before has set it, or not every way to there."""
+    before = len(notes.faults)
+    _flow(notes, tree, set(notes.params) | (notes.stored - tree.names))
+    if len(notes.faults) > before:
+        return
+    for each in unset_reads(tree, tree.names - notes.params.keys() - notes.awaited, notes.params):
+        when = f"it is not set where {_told(each.events)}" if each.way else "it is set only after this"
+        notes.fault_at(each.step, f"'{each.name}' is read here, but {when}", HINT.format(each.name))
+
+
+def _told(events: Sequence[str]) -> str:
+    """Return the events of a way for people: the first ones of many."""
+    more = len(events) - MAX_EVENTS
+    return ", ".join([*events[:MAX_EVENTS], *([f"and {more} more things happen"] if more > 0 else [])])
+
+
+def _flow(notes: Notes, step: Step, known: set[str]) -> None:
+    """Check ``step``, before which ``known`` can have been set; add to that what can have been set after it."""
+    if step.kind in AGAIN:
+        known |= step.names
+    for value in step.arguments.values():
+        _check(notes, step, value, known)
+    if step.kind == FOR_EACH:  # its list is asked for before any of its rounds
+        known |= step.names
+    if step.kind == MISSION:
+        own = set(step.arguments)
+        _flow(notes, step.children[0], own)
+        for value in step.returns.values():
+            _check(notes, step, value, own)
+    else:
+        for child in step.children:
+            _flow(notes, child, known)
+    known |= step.own_names
+
+
+def _check(notes: Notes, step: Step, value: Value, known: set[str]) -> None:
+    if value.template is None:
+        return
+    for read in value.template.reads:
+        if read.name not in known and read.name not in STATE:
+            notes.fault_at(step, f"'{read.name}' is read here, but nothing before this sets it")

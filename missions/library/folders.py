@@ -5,6 +5,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from config.defaults import home_folder
+from config.places import PlaceKeys, load_places
+from config.robot import RobotConfig
+from drivers.api.sections import Ros2Keys
 
 
 def data_folder(environment: Mapping[str, str] = os.environ) -> Path:
@@ -34,3 +37,21 @@ def checkup_file(environment: Mapping[str, str] = os.environ) -> Path:
 def _folder(named: str, otherwise: str) -> Path:
     """Return ours in the folder ``named``; what is no absolute path counts as not set, says the specification."""
     return (Path(named) if Path(named).is_absolute() else home_folder() / otherwise) / "missiontree"
+
+
+# Where the places of a robot are kept, by name.
+
+
+def places_file(config: RobotConfig) -> Path:
+    """Return the file of a robot's places: the one that its file names, beside it, or one among the user's data."""
+    keys = config.keys(Ros2Keys)
+    named = "" if keys is None else keys.places
+    if not named:
+        return data_folder() / "places" / f"{config.name}.yaml"
+    path = Path(named).expanduser()
+    return path if config.path is None else config.path.parent / path
+
+
+def places_of(config: RobotConfig) -> Mapping[str, PlaceKeys]:
+    """Return the places of a robot; none for one that knows no map. Raises InvalidFileError."""
+    return load_places(places_file(config)) if "ros2" in config.sections else {}

@@ -1,6 +1,6 @@
 """The people whom the robot knows: their pictures, each in a folder of its name, which nobody else may read.
 
-Nothing else is kept of them but what a network has made of these pictures (``missions.assembly.features``), and that
+Nothing else is kept of them but what a network has made of these pictures (``missions.assembly.gallery``), and that
 goes with them. Somebody is a folder with pictures (``missions.library.portraits``); whatever else is there belongs to
 somebody else, and is left alone.
 """

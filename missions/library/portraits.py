@@ -15,14 +15,14 @@ from pathlib import Path
 
 import cv2
 
-from drivers.camera.decode import decoded
+from drivers.pictures.decode import decoded
 from perception.api import Image
 
 NEW = ".new-"
 """How the names of folders begin whose pictures are not all there yet."""
 
 FEATURES = ".features.json"
-"""What a network has made of the pictures in a folder: see ``missions.assembly.features``."""
+"""What a network has made of the pictures in a folder: see ``missions.assembly.gallery``."""
 
 MOST_PIXELS, MOST_BYTES = 4_000_000, 16_000_000
 """Pixels and bytes of a picture: a portrait is of some 300 x 300."""

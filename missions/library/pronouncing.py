@@ -7,12 +7,12 @@ from drivers.api import Manner
 from drivers.api.senses import MicrophoneKeys
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DriverError, NotConnected
-from drivers.voice.cut import Cut
-from drivers.voice.engines import Espeak
+from drivers.sound.cut import Cut
+from drivers.sound.engines import Espeak
 from perception.hearing.confusion import confusable
 from perception.hearing.engines import Sphinx
 from perception.hearing.lexicon import Lexicon, english
-from perception.hearing.mnemonics import phones_of
+from perception.hearing.phones import phones_of
 
 PLAINLY = Manner("en-us", 150.0)
 """In whose voice unknown words are pronounced."""

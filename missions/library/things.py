@@ -19,7 +19,7 @@ from perception.api import Wanted
 if TYPE_CHECKING:
     from behaviours.tracking.follow import RuleBases
     from config.object import ObjectConfig
-    from missions.hands.moves.keep import NewMove
+    from missions.library.moves.record import NewMove
 
 T = TypeVar("T")
 
@@ -36,7 +36,7 @@ def gesture(name: str) -> Gesture:
 
 def move(name: str) -> Gesture:
     """Return a movement: a gesture, a recording or a spreadsheet, by name or path. Raises as ``gesture`` does."""
-    from missions.hands.moves.load import load_move  # noqa: PLC0415
+    from missions.library.moves.load import load_move  # noqa: PLC0415
 
     return _load(load_move, "moves", name, shipped("gestures"))
 
@@ -50,7 +50,7 @@ def gait(name: str) -> GaitKeys:
 
 def new_move(name: str) -> "NewMove":
     """Return the file of a movement that is yet to be recorded. Raises LookupError for what cannot be one."""
-    from missions.hands.moves.keep import NewMove  # noqa: PLC0415
+    from missions.library.moves.record import NewMove  # noqa: PLC0415
 
     return NewMove(name)
 

@@ -7,12 +7,11 @@ from config.world import PhysicsConfig, WorldConfig
 from drivers.api import Pose2D
 from drivers.sim.acts import Act
 from drivers.sim.battery import RESISTANCE, Battery
-from drivers.sim.dock import Dock
 from drivers.sim.light import Change, Light
 from drivers.sim.people import Person
 from drivers.sim.room import Room
 from drivers.sim.stage import Physics
-from drivers.sim.things import Ball, Box, Edge, Rover, Wall
+from drivers.sim.things import Ball, Box, Dock, Edge, Rover, Wall
 from drivers.sim.world import World
 
 

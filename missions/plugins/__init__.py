@@ -2,4 +2,4 @@
 
 from missions.plugin import Plugin
 
-PLUGINS = (Plugin("testing", services={"faults": "missions.studio.faults:Faults"}),)
+PLUGINS = (Plugin("testing", services={"faults": "missions.plugins.testing.faults:Faults"}),)

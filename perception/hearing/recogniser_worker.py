@@ -25,9 +25,8 @@ import pocketsphinx
 
 from perception.hearing.acoustic_model import AcousticModel
 from perception.hearing.contest import Contest, Entry
-from perception.hearing.denoise import dithered
 from perception.hearing.features import FRAME
-from perception.hearing.sound import Samples
+from perception.hearing.sound import Samples, dithered
 
 LOG = 1e4
 """Scores come as exp of logarithms to the base 1.0001, which are shifted right by 10 bits: this undoes the exp."""

@@ -9,7 +9,7 @@ from behaviours.robot import Robot
 from drivers.api import JointLimits, JointState, Reading
 from drivers.clock import ManualClock
 from drivers.sim.servo import Shaft
-from missions.testing.recorders import Bench, RecordedJoints, none
+from missions.plugins.testing.recorders import Bench, RecordedJoints, none
 
 TICK = 0.05
 

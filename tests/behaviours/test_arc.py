@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from behaviours.driving.arc import Arc
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from drivers.api import BaseState, Pose2D, Sides, Velocity
-from missions.testing.recorders import STOP, Bench, good, none
+from missions.plugins.testing.recorders import STOP, Bench, good, none
 from tests.behaviours.test_base import Track
 
 SIDE = Sides(left=True)

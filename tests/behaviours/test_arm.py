@@ -12,7 +12,7 @@ from behaviours.playing import ARRIVAL_TIMEOUT, PEAK
 from drivers.api import Gesture as Movement
 from drivers.api import Keyframe, Quality, Reading
 from drivers.errors import DeviceFault
-from missions.testing.recorders import GONE, HOLD, Bench, none
+from missions.plugins.testing.recorders import GONE, HOLD, Bench, none
 from tests.behaviours.servo_arm import TICK, moves, play, tick, with_servos
 
 WAVE = Movement(

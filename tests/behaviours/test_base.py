@@ -7,9 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from behaviours.driving.motion import CRAWL, REACTION
+from behaviours.driving.motion import CRAWL, REACTION, Drive
 from behaviours.driving.stop import Stop
-from behaviours.driving.straight import Drive
 from behaviours.driving.turning import Turn
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot
@@ -21,7 +20,7 @@ from drivers.errors import DeviceFault
 from drivers.kobuki.feedback import METRES_PER_TICK, Core, Inertia
 from drivers.kobuki.odometry import Odometry
 from drivers.sim.wheels import Wheels
-from missions.testing.recorders import GONE, STOP, Bench, RecordedBase, good, none, stale
+from missions.plugins.testing.recorders import GONE, STOP, Bench, RecordedBase, good, none, stale
 
 REPORT = 0.02
 """Seconds between two reports of a Kobuki."""

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from behaviours.basics import Fail, Log, Pretend, Set, Succeed, Wait
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
-from missions.testing.recorders import Bench
+from missions.plugins.testing.recorders import Bench
 
 
 def test_wait_runs_until_the_time_is_over() -> None:

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from behaviours.clearance import MARGIN, Lookout, free_way, free_ways, places, safe_speed, turned
-from behaviours.coverage import CELL, Visited
+from behaviours.wander import CELL, Visited
 from drivers.api import BASE_RADIUS, BaseState, Pose2D, RangeScan, Velocity
-from missions.testing.recorders import Bench, none
+from missions.plugins.testing.recorders import Bench, none
 
 REACH = BASE_RADIUS + MARGIN
 

@@ -10,15 +10,14 @@ from hypothesis import strategies as st
 from behaviours.driving.arc import Arc
 from behaviours.driving.cruise import Cruise
 from behaviours.driving.go_to import GoTo
-from behaviours.driving.motion import REACTION, Motion
+from behaviours.driving.motion import REACTION, Drive, Motion
 from behaviours.driving.stop import Stop
-from behaviours.driving.straight import Drive
 from behaviours.driving.turning import Turn
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.robot import Robot
 from drivers.api import BaseLimits, BaseState, Pose2D, Sides, Source, Steering, Velocity
 from drivers.base.limits import Limits
-from missions.testing.recorders import STOP, Bench, RecordedBase, good
+from missions.plugins.testing.recorders import STOP, Bench, RecordedBase, good
 from tests.behaviours.test_base import Track
 
 STILL = Velocity(0.0, 0.0)

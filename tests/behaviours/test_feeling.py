@@ -11,7 +11,7 @@ from behaviours.ranging import ObstacleWithin
 from behaviours.signals import Led, Sound
 from drivers.api import BaseState, Lamp, Pose2D, Sides, Tune, Velocity
 from drivers.errors import BadRequest
-from missions.testing.recorders import GONE, Bench, good, none, stale
+from missions.plugins.testing.recorders import GONE, Bench, good, none, stale
 
 HERE = BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0), battery_percent=40.0)
 LEFT = Sides(left=True)

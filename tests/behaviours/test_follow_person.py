@@ -16,7 +16,7 @@ from config.library import shipped
 from drivers.api import BaseState, HeadPose, Pose2D, Sides, Source, Steering, Velocity
 from missions.language.document import check_plan
 from missions.library.things import THINGS
-from missions.testing.recorders import STOP, Bench, face, good, none, stale
+from missions.plugins.testing.recorders import STOP, Bench, face, good, none, stale
 
 LEFT = Sides(left=True)
 STILL = BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0))

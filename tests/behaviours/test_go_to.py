@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from behaviours.driving.go_to import TRIES, GoTo
 from behaviours.leaf import FAILURE, SUCCESS
 from drivers.api import BaseState, Pose2D, Sides, Source, Steering, Velocity
-from missions.testing.recorders import STOP, Bench, good
+from missions.plugins.testing.recorders import STOP, Bench, good
 from tests.behaviours.test_base import Track
 
 STILL = Velocity(0.0, 0.0)

@@ -13,7 +13,7 @@ from drivers.api import HeadPose, Reading
 from drivers.clock import ManualClock
 from drivers.errors import BadRequest
 from drivers.sim.servo import Shaft
-from missions.testing.recorders import GONE, STOP, Bench, RecordedHead, good, none, stale
+from missions.plugins.testing.recorders import GONE, STOP, Bench, RecordedHead, good, none, stale
 
 LEFT = HeadPose(1.0, -0.2)
 

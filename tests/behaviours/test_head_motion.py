@@ -12,10 +12,10 @@ from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot
 from behaviours.scan import Scan, towards
 from drivers.api import HeadPose
-from drivers.arduino.axis import ServoAxis
+from drivers.arduino.twin import HeadTwin
+from drivers.head.axis import ServoAxis
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins.head import HeadTwin
-from missions.testing.recorders import GONE, STOP, Bench, good, none
+from missions.plugins.testing.recorders import GONE, STOP, Bench, good, none
 
 
 class Stage:

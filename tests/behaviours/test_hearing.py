@@ -4,8 +4,8 @@ import pytest
 
 from behaviours.hearing import KEPT, Heard, Listen
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
-from drivers.sim.twins import ears
-from missions.testing.recorders import Bench
+from drivers.microphone import twin
+from missions.plugins.testing.recorders import Bench
 from perception.hearing import listener
 
 ANSWERS = {"yes": "Yes!", "no": "No"}
@@ -104,4 +104,4 @@ def test_heard_passes_over_other_phrases() -> None:
 
 
 def test_heard_looks_back_no_further_than_words_are_kept() -> None:
-    assert Heard.arguments["within"].high == KEPT == listener.KEPT == ears.KEPT
+    assert Heard.arguments["within"].high == KEPT == listener.KEPT == twin.KEPT

@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from behaviours.docking import Dock
-from behaviours.homing import BACK, FULL_TURN, HOLD, LOST, SLOW, SWEEP, TRIES, Homing, Stage, step
+from behaviours.docking import BACK, FULL_TURN, HOLD, LOST, SLOW, SWEEP, TRIES, Dock, Homing, Stage, step
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from drivers.api import (
     BaseState,
@@ -21,7 +20,7 @@ from drivers.api import (
     Steering,
     Velocity,
 )
-from missions.testing.recorders import STOP, Bench, good
+from missions.plugins.testing.recorders import STOP, Bench, good
 
 STILL = Velocity(0.0, 0.0)
 FAR, NEAR = DockBeam.FAR_CENTRE, DockBeam.NEAR_CENTRE

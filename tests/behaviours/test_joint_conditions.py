@@ -9,7 +9,7 @@ from behaviours.joint_conditions import JointAt, JointHot, JointLoaded, JointMov
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot
 from drivers.api import Quality, Reading
-from missions.testing.recorders import Bench, none
+from missions.plugins.testing.recorders import Bench, none
 
 
 def feeling(bench: Bench, joint: str, **changes: object) -> None:

@@ -7,7 +7,7 @@ import pytest
 from behaviours.joints import CONFIRMED, RESENT, MoveJoints, Torque
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from drivers.errors import DeviceFault
-from missions.testing.recorders import GONE, HOLD, RELAX, Bench, none
+from missions.plugins.testing.recorders import GONE, HOLD, RELAX, Bench, none
 from tests.behaviours.servo_arm import SHORT, TICK, moves, play, tick, with_servos
 
 

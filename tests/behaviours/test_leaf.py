@@ -11,7 +11,7 @@ from py_trees.common import Status
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf, argument
 from behaviours.robot import Robot
 from drivers.errors import DeviceFault, NoReply
-from missions.testing.recorders import GONE, Bench
+from missions.plugins.testing.recorders import GONE, Bench
 
 INVALID = Status.INVALID
 

@@ -6,8 +6,8 @@ import pytest
 
 from behaviours.run import BY_DEAD_RECKONING
 from drivers.api import Attitude
-from drivers.sim.twins.imu import ImuTwin
-from missions.order import RunRequest
+from drivers.witmotion.twin import ImuTwin
+from missions.request import RunRequest
 from missions.runner import Runner
 
 UPRIGHT = Attitude(0.0, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 9.8))

@@ -9,7 +9,7 @@ from py_trees.common import Status
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.sight import FaceCentred, FindFace, Meeting
 from drivers.api import BaseState, HeadPose, Pose2D, Velocity
-from missions.testing.recorders import Bench, face, good
+from missions.plugins.testing.recorders import Bench, face, good
 
 HOME = Pose2D(0.0, 0.0, 0.0)
 

@@ -11,7 +11,7 @@ from behaviours.leaf import FAILURE, RUNNING
 from behaviours.mirror import LEADING_TOLERANCE, LIMP, FollowJoint, Mirror
 from behaviours.robot import Other, Robot
 from drivers.api import Coupling, JointLimits, JointState, Reading
-from missions.testing.recorders import GONE, HOLD, RELAX, Bench, none
+from missions.plugins.testing.recorders import GONE, HOLD, RELAX, Bench, none
 from tests.behaviours.servo_arm import TICK, ServoArm, moves, tick, with_servos
 
 LEFT, RIGHT = ("left_shoulder", "left_elbow"), ("right_shoulder", "right_elbow")

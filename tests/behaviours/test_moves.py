@@ -13,8 +13,8 @@ from behaviours.tracking_error import JointError
 from config.gesture import load_gesture
 from drivers.api import Gesture as Movement
 from drivers.api import Keyframe
-from missions.hands.moves.keep import NewMove
-from missions.testing.recorders import HOLD, Bench
+from missions.library.moves.record import NewMove
+from missions.plugins.testing.recorders import HOLD, Bench
 from tests.behaviours.servo_arm import TICK, ServoArm, moves, play, tick, with_servos
 
 RISE = Movement(

@@ -10,7 +10,7 @@ from behaviours.sight import DECIDING, FaceCentred, FacesAtLeast, FaceSeen, Find
 from behaviours.tracking.track_face import TrackFace
 from drivers.api import Pose2D
 from missions.executive.state import FaceState
-from missions.testing.recorders import Bench, face
+from missions.plugins.testing.recorders import Bench, face
 from perception.api import UNKNOWN, Face
 
 HOME = Pose2D(0.0, 0.0, 0.0)

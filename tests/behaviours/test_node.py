@@ -4,13 +4,13 @@ import py_trees
 from py_trees.common import Status
 
 from behaviours.basics import Fail, Log, Pretend, Succeed, Wait
-from behaviours.driving.straight import Drive
+from behaviours.driving.motion import Drive
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.node import Node
 from behaviours.run import NodeByNode
 from missions.executive.composites import Sequence
 from missions.executive.parent import adopt
-from missions.testing.recorders import STOP, Bench
+from missions.plugins.testing.recorders import STOP, Bench
 
 INVALID = Status.INVALID
 

@@ -9,7 +9,7 @@ from behaviours.notify import Notify
 from missions.executive.events import Event, Notified
 from missions.executive.executive import Executive
 from missions.executive.stream import Stream
-from missions.testing.recorders import Bench
+from missions.plugins.testing.recorders import Bench
 
 
 def test_notify_tells_whoever_watches_and_succeeds_at_once() -> None:

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import pytest
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
-from behaviours.objects import FindObject, ObjectSeen
 from behaviours.robots import FindRobot, RobotSeen
+from behaviours.search import FindObject, ObjectSeen
 from drivers.api import HeadPose
-from missions.testing.recorders import STOP, Bench, good
+from missions.plugins.testing.recorders import STOP, Bench, good
 from perception.api import Marker, Thing, Wanted
 from perception.tracks import common
 from tests.behaviours.percepts import percept

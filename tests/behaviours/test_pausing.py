@@ -18,9 +18,9 @@ from behaviours.sight import FindFace
 from behaviours.sweep_joints import Sweep
 from drivers.api import COMMAND_LIFE, BaseState, GoalState, HeadPose, Pose2D, Progress, Velocity
 from drivers.errors import NotConnected
+from missions.executive.composites import ReactiveSequence
 from missions.executive.parent import adopt
-from missions.executive.reactive import ReactiveSequence
-from missions.testing.recorders import HOLD, Bench, good
+from missions.plugins.testing.recorders import HOLD, Bench, good
 
 PLACES = {"kitchen": (1.0, 2.0, 0.5, "map")}
 RUNS, CANCELLED = Progress(GoalState.RUNNING), Progress(GoalState.CANCELLED, "it was cancelled")

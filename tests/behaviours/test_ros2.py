@@ -12,7 +12,7 @@ from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.ros2 import CallService, Navigate, NavigateThrough, Publish, Ros2Action, Topic
 from drivers.api import BaseState, GoalState, Pose2D, Progress, Quality, Reading, Velocity
 from drivers.errors import NotConnected
-from missions.testing.recorders import STOP, Bench, good
+from missions.plugins.testing.recorders import STOP, Bench, good
 
 PLACES = {"kitchen": (1.0, 2.0, 0.5, "map"), "hall": (0.0, 1.0, 0.0, "map"), "ramp": (3.0, 0.0, 0.0, "odom")}
 

@@ -4,7 +4,7 @@ import pytest
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.scene import Dark, MotionSeen
-from missions.testing.recorders import Bench
+from missions.plugins.testing.recorders import Bench
 from perception.api import Scene
 
 

@@ -5,7 +5,7 @@ from py_trees.common import Status
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.scene import SceneUniform
-from missions.testing.recorders import Bench
+from missions.plugins.testing.recorders import Bench
 from perception.api import Scene
 
 

@@ -5,7 +5,7 @@ from behaviours.screen import MOODS, Face, Show
 from drivers.api import Mood
 from drivers.api.keys import declared
 from drivers.api.sections import ScreenKeys
-from missions.testing.recorders import Bench
+from missions.plugins.testing.recorders import Bench
 
 
 def test_a_face_is_shown_at_once_and_stays() -> None:

@@ -13,7 +13,7 @@ from behaviours.search import serpentine
 from behaviours.sight import FaceCentred, FacesAtLeast, FaceSeen, FindFace
 from drivers.api import HeadPose, Reading
 from drivers.errors import DeviceFault
-from missions.testing.recorders import GONE, STOP, Bench, face, good, none, stale
+from missions.plugins.testing.recorders import GONE, STOP, Bench, face, good, none, stale
 
 AHEAD = HeadPose(0.0, 0.0)
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from behaviours.joint_motion import RUN_IN
 from behaviours.leaf import FAILURE, RUNNING
 from behaviours.sweep_joints import Sweep, Swing
-from missions.testing.recorders import HOLD, Bench
+from missions.plugins.testing.recorders import HOLD, Bench
 from tests.behaviours.servo_arm import TICK, moves, tick, with_servos
 
 BETWEEN = (0.2, 1.2)

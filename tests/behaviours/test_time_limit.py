@@ -7,16 +7,21 @@ import pytest
 from behaviours.docking import Dock
 from behaviours.driving.arc import Arc
 from behaviours.driving.go_to import GoTo
-from behaviours.driving.motion import SETTLING_LIMIT, Motion
+from behaviours.driving.motion import (
+    MARGIN,
+    NO_PROGRESS_LIMIT,
+    SETTLING_LIMIT,
+    Drive,
+    Motion,
+    limit_of,
+    seconds_to_drive,
+)
 from behaviours.driving.stop import STOP_LIMIT, Stop
-from behaviours.driving.straight import Drive
-from behaviours.driving.time_limit import MARGIN, NO_PROGRESS_LIMIT, limit_of, seconds_to_drive
 from behaviours.driving.turning import Turn
 from behaviours.leaf import FAILURE, RUNNING
-from behaviours.legs import Sit, Stand
-from behaviours.walking import TurnInPlace, Walk
+from behaviours.legs import Sit, Stand, TurnInPlace, Walk
 from drivers.api import STILL, BaseState, Pose2D, Source, Steering, Velocity
-from missions.testing.recorders import Bench, good
+from missions.plugins.testing.recorders import Bench, good
 
 TICK = 0.05
 AHEAD = Velocity(0.2, 0.0)

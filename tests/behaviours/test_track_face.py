@@ -13,7 +13,7 @@ from config.controller import load_controller
 from config.library import shipped
 from drivers.api import COMMAND_LIFE, STILL, BaseState, HeadPose, Pose2D, Source, Steering, Velocity
 from drivers.errors import DeviceFault
-from missions.testing.recorders import GONE, STOP, Bench, face, good, none, stale
+from missions.plugins.testing.recorders import GONE, STOP, Bench, face, good, none, stale
 
 LEFT, RIGHT = 0.3, -0.3
 

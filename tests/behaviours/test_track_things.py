@@ -13,7 +13,7 @@ from behaviours.tracking.track_robot import TrackRobot
 from config.controller import load_controller
 from config.library import shipped
 from drivers.api import BaseState, HeadPose, Pose2D, Velocity
-from missions.testing.recorders import STOP, Bench, face, good
+from missions.plugins.testing.recorders import STOP, Bench, face, good
 from perception.api import Box, Marker, Thing, Wanted
 
 BOX = Box(300, 220, 40, 40)

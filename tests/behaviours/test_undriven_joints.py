@@ -11,7 +11,7 @@ from behaviours.joints import MoveJoints
 from behaviours.leaf import FAILURE, RUNNING, Leaf
 from behaviours.mirror import FollowJoint
 from behaviours.sweep_joints import Sweep
-from missions.testing.recorders import Bench
+from missions.plugins.testing.recorders import Bench
 from tests.behaviours.servo_arm import ServoArm, tick, with_servos
 
 DETAIL = "arm: elbow (servo 2) does not go to positions (operating mode 1, not 3)"

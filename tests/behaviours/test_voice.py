@@ -8,8 +8,8 @@ from behaviours.robot import Robot
 from behaviours.voice import PlaySound, Say
 from drivers.api import Manner, Mood, Priority
 from drivers.errors import BadRequest, DeviceFault
-from drivers.voice.printed import PrintedVoice
-from missions.testing.recorders import CANCEL, GONE, Bench
+from drivers.sound.printed import PrintedVoice
+from missions.plugins.testing.recorders import CANCEL, GONE, Bench
 
 
 def saying(bench: Bench, text: str = "Hello!") -> Say:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from behaviours.run import BY_DEAD_RECKONING
-from missions.order import RunRequest
+from missions.request import RunRequest
 from missions.runner import Runner
 
 

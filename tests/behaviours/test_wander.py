@@ -10,7 +10,7 @@ from behaviours.leaf import FAILURE, RUNNING
 from behaviours.robot import Robot
 from behaviours.wander import BACK, BLIND, CHOOSE_EVERY, SHUT_IN, Wander
 from drivers.api import BaseState, Pose2D, Sides, Source, Steering, Velocity
-from missions.testing.recorders import STOP, Bench, good, none
+from missions.plugins.testing.recorders import STOP, Bench, good, none
 
 STILL = Velocity(0.0, 0.0)
 HERE = BaseState(Pose2D(0.0, 0.0, 0.0), STILL)

@@ -18,8 +18,7 @@ import numpy as np
 
 from perception.api import Box, Face, Image
 from perception.faces import HaarFaces
-from perception.finder import FaceDetector, FaceFinder
-from perception.flow import Floats
+from perception.finder import FaceDetector, FaceFinder, Floats
 from perception.geometry import Pinhole
 from perception.tracks import Tracker
 from perception.yunet import YuNetFaces

@@ -19,8 +19,8 @@ from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen
 from tempfile import TemporaryDirectory
 
-from missions.studio import sockets
-from missions.studio.places import SYSTEM_ROOT
+from missions.control import sockets
+from missions.control.places import SYSTEM_ROOT
 from tests.benchmarks.watching import Measured, asked, mission, opened, page, shown, used
 from tests.waiting import wait_until
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from drivers.clock import ManualClock, SystemClock
 from drivers.microphone.wav import WavMicrophone
-from drivers.pipe import Worker
+from drivers.transport.pipe import Worker
 from perception.hearing.acceptance import Acceptance
 from perception.hearing.endpoint import Clip
 from perception.hearing.engines import NOTHING, Judgement, Sphinx

@@ -23,9 +23,9 @@ from drivers.ros2.make import base, camera, graph, ranger
 from drivers.ros2.node import Node
 from drivers.ros2.session import Access, open_session
 from drivers.ros2.types import types
+from drivers.ros2.virtual import Ros2Terminal, Served, free_address
+from drivers.ros2.virtual_topics import VirtualBase, VirtualPictures, VirtualScan
 from drivers.sim.body import Body
-from drivers.virtual.ros2 import Ros2Terminal, Served, free_address
-from drivers.virtual.topics import VirtualBase, VirtualPictures, VirtualScan
 
 COMMANDS, SECONDS = 300, 10.0
 """Velocities that are timed; seconds over which a share is taken."""

@@ -29,12 +29,12 @@ from drivers.api import Head, HeadPose
 from drivers.api.driver import Site
 from drivers.arduino.declared import ArduinoKeys
 from drivers.arduino.make import make as make_head
+from drivers.arduino.virtual import VirtualRodney
 from drivers.clock import Clock, SystemClock
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import Pinhole, Viewpoint
 from drivers.sim.world import World
-from drivers.virtual.rodney import VirtualRodney
 from drivers.virtual.terminal import Terminal
 from missions.executive.answers import Answers
 from missions.executive.asked import asked, robot_for

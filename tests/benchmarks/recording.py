@@ -20,9 +20,9 @@ from mcap.reader import make_reader
 
 from config.reading import files_read
 from missions.executive.events import Event
-from missions.order import RunRequest
-from missions.records.recording.gather import contents_of
-from missions.records.recording.recorder import Recorder
+from missions.plugins.records.recording.gather import contents_of
+from missions.plugins.records.recording.recorder import Recorder
+from missions.request import RunRequest
 from missions.runner import Runner
 from tests.benchmarks.table import Row
 

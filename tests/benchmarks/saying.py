@@ -17,10 +17,10 @@ from behaviours.robot import Robot
 from behaviours.voice import Say
 from drivers.api import Manner
 from drivers.clock import SystemClock
-from drivers.voice.engines import Espeak
-from drivers.voice.player import Player
+from drivers.sound.engines import Espeak
+from drivers.sound.player import Player
 from drivers.voice.speech import SpeechVoice
-from missions.testing.recorders import Bench
+from missions.plugins.testing.recorders import Bench
 from tests.waiting import wait_until
 
 PERIOD = 0.05

@@ -14,7 +14,7 @@ from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from drivers.kobuki.driver import KobukiBase
 from drivers.kobuki.wire import BAUD
-from drivers.link import Link
+from drivers.transport.link import Link
 from tests.benchmarks.table import Row
 from tests.missions.lone_base import lone_base
 

@@ -16,13 +16,13 @@ from collections.abc import Iterator
 
 from drivers.api import Coupling
 from drivers.clock import SystemClock
-from drivers.dynamixel.attention import SENT
-from drivers.dynamixel.bus import At, Bus
-from drivers.dynamixel.driver import DynamixelJoints
-from drivers.dynamixel.joint import JointSpec
-from drivers.dynamixel.models import MODELS
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.servo import VirtualServo
+from drivers.servos.attention import SENT
+from drivers.servos.bus import At, Bus
+from drivers.servos.driver import DynamixelJoints
+from drivers.servos.joint import JointSpec
+from drivers.servos.models import MODELS
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
 from tests.benchmarks.table import Row
 

@@ -6,7 +6,7 @@ from typing import Literal
 
 import cv2
 
-from missions.order import RunRequest
+from missions.request import RunRequest
 from missions.runner import Runner
 from tests.benchmarks.table import Row
 

@@ -18,9 +18,9 @@ import click
 from config.reading import files_read
 from drivers.clock import SystemClock, time_of_day
 from missions.executive.tick_record import TickRecord
-from missions.order import RunRequest
-from missions.records.recording.gather import contents_of
-from missions.records.recording.recorder import Recorder
+from missions.plugins.records.recording.gather import contents_of
+from missions.plugins.records.recording.recorder import Recorder
+from missions.request import RunRequest
 from missions.runner import Runner
 
 MISSION = """

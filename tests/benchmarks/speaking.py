@@ -11,8 +11,8 @@ import numpy as np
 import drivers.voice
 from drivers.clock import SystemClock
 from drivers.microphone.wav import resampled
-from drivers.pipe import Worker
-from drivers.voice.protocol import request, speech
+from drivers.sound.protocol import request, speech
+from drivers.transport.pipe import Worker
 from tests.benchmarks.spoken import Samples
 
 PROGRAM = Path(drivers.voice.__file__).with_name("espeak_worker.py")

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 from config.library import DEFAULT_WORLD, find
 from config.marked import read_source
-from missions.testing.sweep.processes import run_here
-from missions.testing.sweep.sweep import Sweep
-from missions.testing.sweep.variation import Span, Variation
-from missions.testing.sweep.worlds import plain_world
+from missions.plugins.testing.sweep.processes import run_here
+from missions.plugins.testing.sweep.sweep import Sweep
+from missions.plugins.testing.sweep.variation import Span, Variation
+from missions.plugins.testing.sweep.worlds import plain_world
 from tests.benchmarks.table import Row, compare
 
 RUNS = 50

@@ -23,12 +23,12 @@ from typing import Any
 from behaviours.joint_motion import Mirroring
 from drivers.api import Coupling
 from drivers.clock import SystemClock
-from drivers.dynamixel.bus import At, Bus
-from drivers.dynamixel.driver import DynamixelJoints
-from drivers.dynamixel.joint import JointSpec
-from drivers.dynamixel.models import MODELS
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.servo import VirtualServo
+from drivers.servos.bus import At, Bus
+from drivers.servos.driver import DynamixelJoints
+from drivers.servos.joint import JointSpec
+from drivers.servos.models import MODELS
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
 from tests.benchmarks.servoing import AWAKE, BAUD, ROUNDS, RUNS, chain
 from tests.benchmarks.table import Row

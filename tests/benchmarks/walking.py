@@ -31,7 +31,7 @@ from drivers.legs.gait import generated
 from drivers.sim.rigid.scene import Scene
 from missions.assembly.physics import scene_of
 from missions.library.drivers import robot_named
-from missions.order import RunRequest
+from missions.request import RunRequest
 from missions.runner import Runner
 
 BEGINS = 4.0

@@ -12,10 +12,10 @@ from scipy.ndimage import label
 from config.library import shipped
 from config.world import WorldConfig, load_world
 from drivers.api import BASE_RADIUS, Pose2D
-from drivers.sim.twins.base import BaseTwin
+from drivers.base.twin import BaseTwin
 from drivers.sim.world import World
 from missions.library.worlds import build_world
-from missions.order import RunRequest
+from missions.request import RunRequest
 from missions.runner import Runner
 from tests.benchmarks.table import Row
 

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from config.faults import Diagnostic, InvalidFileError, Source
 from config.gesture import beyond
 from config.library import shipped
-from drivers.dynamixel.declared import DYNAMIXEL, UNDRIVEN, DynamixelKeys, JointKeys, Ticks
-from drivers.dynamixel.make import joints as specs
-from drivers.dynamixel.models import MODELS
+from drivers.servos.declared import DYNAMIXEL, UNDRIVEN, DynamixelKeys, JointKeys, Ticks
+from drivers.servos.make import joints as specs
+from drivers.servos.models import MODELS
 from missions.library.drivers import load_robot, robot_of
 
 TICK = math.radians(300) / 1024

@@ -10,8 +10,8 @@ from config.library import find, shipped
 from drivers.api import Reflexes
 from drivers.api.steering import BUTTONS
 from drivers.kobuki.declared import KobukiKeys
+from drivers.kobuki.virtual import BUTTONS as BUTTONS_OF_A_KOBUKI
 from drivers.rplidar.declared import RPLidarKeys
-from drivers.virtual.kobuki import BUTTONS as BUTTONS_OF_A_KOBUKI
 from missions.library.drivers import load_robot, robot_of
 
 BASE = "robot: r\nbase:\n  driver: kobuki\n  port: /dev/base\n"

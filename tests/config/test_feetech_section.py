@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from config.faults import Diagnostic, InvalidFileError, Source
-from drivers.dynamixel.make import joints as specs
-from drivers.feetech.calibration import load, text
-from drivers.feetech.declared import FeetechKeys
+from drivers.servos.calibration import load, text
+from drivers.servos.feetech import FeetechKeys
+from drivers.servos.make import joints as specs
 from missions.library.drivers import robot_of
 from tests.cases import each
 

@@ -8,7 +8,7 @@ import pytest
 from config.faults import InvalidFileError, Source
 from drivers.api.sections import HeadKeys
 from drivers.arduino.declared import ArduinoKeys, PanKeys, TiltKeys
-from drivers.dynamixel.declared import NeckJointKeys, NeckKeys
+from drivers.servos.declared import NeckJointKeys, NeckKeys
 from missions.library.drivers import load_robot, robot_of
 
 ARM = """

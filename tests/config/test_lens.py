@@ -9,8 +9,8 @@ from config.faults import InvalidFileError
 from config.library import shipped
 from config.units import in_dimension
 from drivers.api.senses import CameraKeys
-from missions.cli.lens import keep_lens, lens_entries
 from missions.library.drivers import load_robot
+from missions.plugins.setup.camera import keep_lens, lens_entries
 
 ENTRIES = lens_entries(1.0123, (0.515, 0.48), (0.08, -0.2, 0.001, -0.0015, 0.0))
 PLAIN = """\

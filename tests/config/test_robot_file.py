@@ -8,8 +8,8 @@ import pytest
 from config.faults import Diagnostic, InvalidFileError
 from config.robot import RobotConfig
 from drivers.arduino.declared import ArduinoKeys
-from drivers.dynamixel.declared import DynamixelKeys
 from drivers.kobuki.declared import KobukiKeys
+from drivers.servos.declared import DynamixelKeys
 from missions.library.drivers import load_robot
 
 WHOLE = """\

@@ -20,16 +20,16 @@ NEW_OR_OWN = {
     "config/saving.py": 1,  # what is no regular file
     "config/writing.py": 1,  # a new file, removed where it fails
     "missions/__init__.py": 1,  # an example in a docstring
-    "missions/cli/joining.py": 1,  # a token in a folder of its own, renamed
+    "missions/plugins/fleet/joining.py": 1,  # a token in a folder of its own, renamed
     "missions/cli/root.py": 1,  # /dev/null
-    "missions/records/recording/outputs.py": 1,  # events, as they come
-    "missions/records/recording/process.py": 1,  # a record, as it comes, beside the earlier one
-    "missions/records/replay/sources.py": 1,  # copies in a temporary folder
-    "missions/service/fleet/latch.py": 1,  # renamed
-    "missions/studio/audit.py": 1,  # a log, line by line
-    "missions/studio/enrolling.py": 1,  # new pictures
-    "missions/studio/opening.py": 1,  # a new file
-    "missions/studio/tokens.py": 1,  # a new file
+    "missions/library/private_files.py": 1,  # events, as they come
+    "missions/plugins/records/recording/process.py": 1,  # a record, as it comes, beside the earlier one
+    "missions/plugins/records/replay/sources.py": 1,  # copies in a temporary folder
+    "missions/plugins/fleet/member.py": 1,  # renamed
+    "missions/plugins/studio/audit.py": 1,  # a log, line by line
+    "missions/plugins/studio/studio.py": 1,  # new pictures
+    "missions/plugins/studio/opening.py": 1,  # a new file
+    "missions/plugins/studio/access.py": 1,  # a new file
 }
 """How often a module may do that: for files that are new, or that nobody needs once they are broken."""
 

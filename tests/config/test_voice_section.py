@@ -5,10 +5,10 @@ import pytest
 from config.faults import InvalidFileError, Source
 from drivers.api import Manner
 from drivers.clock import SystemClock
+from drivers.sound.program import Synthesiser
 from drivers.table import HOUSE
 from drivers.voice.declared import FILLED, PiperKeys, SpeechKeys
 from drivers.voice.make import Wish, make_voice
-from drivers.voice.program import Synthesiser
 from missions.library.drivers import robot_of
 
 

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from config.faults import InvalidFileError, Source
 from config.gesture import GestureConfig, gesture_of, load_gesture
 from config.writing import gesture_text, write_new
-from drivers.dynamixel.declared import DynamixelKeys, JointKeys
-from missions.cli.servo.writing import robot_text
+from drivers.servos.declared import DynamixelKeys, JointKeys
 from missions.library.drivers import robot_of
+from missions.plugins.setup.servo.importing import robot_text
 
 NOD = GestureConfig("nod", "Nod: once.", ((0.0, {"neck": 0.0}), (0.5, {"neck": 0.5, "waist": -0.25})), "cubic")
 

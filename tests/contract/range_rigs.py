@@ -4,14 +4,14 @@ from math import pi, radians
 
 from drivers.api import Pose2D, Ranger, RangeScan
 from drivers.ros2.ranger import Ros2Ranger
+from drivers.ros2.virtual_topics import VirtualScan
 from drivers.rplidar.driver import GATHER, RPLidar
+from drivers.rplidar.twin import RangerTwin
+from drivers.rplidar.virtual import VirtualLidar
 from drivers.sim.room import Room
 from drivers.sim.scanner import looking
 from drivers.sim.things import Box
-from drivers.sim.twins.ranger import RangerTwin
 from drivers.sim.world import World
-from drivers.virtual.rplidar import VirtualLidar
-from drivers.virtual.topics import VirtualScan
 from tests.contract.rigs import InSimulatedTime, Rig
 from tests.drivers.cranked import HandWire
 

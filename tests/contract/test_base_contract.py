@@ -20,12 +20,12 @@ from drivers.api import (
     Tune,
     Velocity,
 )
+from drivers.base.twin import BaseTwin
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.kobuki.driver import KobukiBase
+from drivers.kobuki.virtual import VirtualKobuki
 from drivers.sim.body import NOTHING, Body
 from drivers.sim.ground import OpenFloor
-from drivers.sim.twins.base import BaseTwin
-from drivers.virtual.kobuki import VirtualKobuki
 from tests.contract.rigs import InSimulatedTime, Rig, simulated
 from tests.drivers.cranked import HandWire
 

@@ -9,19 +9,19 @@ import pytest
 
 from drivers.api import Camera, CameraFrame, Image
 from drivers.api.driver import Site
-from drivers.camera.decode import UNWANTED
-from drivers.camera.threaded import ThreadedCamera
+from drivers.camera.twin import CameraTwin
 from drivers.clock import Clock
 from drivers.errors import NotConnected
+from drivers.pictures.capture import ThreadedCamera
+from drivers.pictures.decode import UNWANTED
 from drivers.ros2.declared import Ros2CameraKeys, ZenohKeys
 from drivers.ros2.make import camera as make_camera
 from drivers.ros2.make import graph as make_graph
+from drivers.ros2.virtual import Ros2Terminal, Served, free_address
+from drivers.ros2.virtual_topics import VirtualPictures
 from drivers.sim.rendered import RenderedCamera
-from drivers.sim.twins.camera import CameraTwin
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
-from drivers.virtual.ros2 import Ros2Terminal, Served, free_address
-from drivers.virtual.topics import VirtualPictures
 from tests.contract.rigs import InRealTime, InSimulatedTime, Rig
 
 PERIOD = 0.02

@@ -9,27 +9,27 @@ from typing import Protocol
 import pytest
 
 from drivers.api import HEAD_ACCELERATION, Head, HeadPose, JointLimits, Quality
-from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
-from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.driver import DynamixelJoints
-from drivers.dynamixel.joint import JointSpec
+from drivers.arduino.twin import HeadTwin
+from drivers.arduino.virtual import VirtualRodney
 from drivers.errors import BadRequest, NotConnected
-from drivers.joints_head import JointAxis, NeckDriver
-from drivers.keeper.head import KeeperHead
-from drivers.pantilt import Trimmable
-from drivers.ros2.head import Ros2Head
+from drivers.head.axis import ServoAxis
+from drivers.head.guardian_head import KeeperHead
+from drivers.head.joints_head import JointAxis, NeckDriver
+from drivers.head.pantilt import Trimmable
 from drivers.ros2.joints import TopicJoints
+from drivers.ros2.joints_twin import HeadTwin as TopicHeadTwin
+from drivers.ros2.joints_twin import StiffJoints
+from drivers.ros2.make import Ros2Head
+from drivers.ros2.virtual_joints import VirtualJoints
 from drivers.ros2.ways import ARRAY, TRAJECTORY, TopicJoint
-from drivers.sim.twins.head import HeadTwin
-from drivers.sim.twins.joints import JointsTwin
-from drivers.sim.twins.neck import NeckTwin
-from drivers.sim.twins.ros2_joints import HeadTwin as TopicHeadTwin
-from drivers.sim.twins.ros2_joints import StiffJoints
-from drivers.virtual.keeper import VirtualServos
-from drivers.virtual.rodney import VirtualRodney
-from drivers.virtual.topic_joints import VirtualJoints
+from drivers.servos.bus import Bus
+from drivers.servos.driver import DynamixelJoints
+from drivers.servos.joint import JointSpec
+from drivers.servos.neck_twin import NeckTwin
+from drivers.servos.twin import JointsTwin
+from drivers.virtual.guardian import VirtualServos
 from tests.contract.rigs import InSimulatedTime, Rig, simulated
 from tests.drivers.chains import chain
 from tests.drivers.cranked import PERIOD, HandWire, by_hand

@@ -11,18 +11,17 @@ import pytest
 
 from drivers.api import Health
 from drivers.clock import ManualClock, SystemClock
+from drivers.microphone.twin import HearingTwin
 from drivers.microphone.wav import WavMicrophone
-from drivers.pipe import Worker
 from drivers.sim.acts import Reply
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins.ears import HearingTwin
+from drivers.transport.pipe import Worker
 from perception.api import Hearing, Words
 from perception.hearing.acceptance import learned
-from perception.hearing.ears import Ears
 from perception.hearing.engines import Sphinx
 from perception.hearing.grammar import Grammar
 from perception.hearing.lexicon import english
-from perception.hearing.listener import Listener
+from perception.hearing.listener import Ears, Listener
 from tests.benchmarks.speaking import Speaking
 from tests.contract.rigs import simulated
 from tests.waiting import wait_until

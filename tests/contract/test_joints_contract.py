@@ -10,14 +10,14 @@ from typing import Literal
 import pytest
 
 from drivers.api import Away, Coupling, Joints, JointState, Quality
-from drivers.api.following import FOLLOWING_TOLERANCE, RUN_IN
-from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.driver import FRESH, DynamixelJoints
-from drivers.dynamixel.joint import JointSpec
-from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.units import Framing
+from drivers.api.joints import FOLLOWING_TOLERANCE, RUN_IN
 from drivers.errors import BadRequest, DeviceFault, NotConnected
-from drivers.sim.twins.joints import JointsTwin
+from drivers.servos.bus import Bus
+from drivers.servos.driver import FRESH, DynamixelJoints
+from drivers.servos.joint import JointSpec
+from drivers.servos.models import MODELS
+from drivers.servos.twin import JointsTwin
+from drivers.servos.units import Framing
 from tests.contract.rigs import InSimulatedTime, Rig, simulated
 from tests.drivers.chains import chain
 from tests.drivers.cranked import PERIOD, by_hand

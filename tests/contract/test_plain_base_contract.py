@@ -5,14 +5,14 @@ from collections.abc import Iterator
 import pytest
 
 from drivers.api import BASE_RADIUS, Lamp, Pose2D, Tune
+from drivers.base.plain_twin import PlainTwin
 from drivers.base.reckoning import TwoWheels
 from drivers.errors import BadRequest
-from drivers.keeper.base import KeeperBase
+from drivers.pi_car.driver import KeeperBase
 from drivers.sim.body import Body
-from drivers.sim.twins.plain_base import PlainTwin
-from drivers.virtual.keeper import VirtualCar
-from drivers.virtual.waveshare import VirtualWaveshare
+from drivers.virtual.guardian import VirtualCar
 from drivers.waveshare.driver import WaveshareBase
+from drivers.waveshare.virtual import VirtualWaveshare
 from drivers.waveshare.wire import FULL
 from tests.contract.rigs import InSimulatedTime, simulated
 from tests.contract.test_base_contract import (  # noqa: F401 - what a base without senses promises as well

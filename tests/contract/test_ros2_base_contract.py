@@ -7,17 +7,17 @@ from math import inf, nan, radians
 
 import pytest
 
-from behaviours.driving.straight import Drive
+from behaviours.driving.motion import Drive
 from behaviours.leaf import FAILURE, RUNNING
 from drivers.api import STILL, Lamp, Pose2D, Sides
-from drivers.ros2 import create3
+from drivers.ros2 import base as create3
 from drivers.ros2.base import Ros2Base
 from drivers.ros2.types import types
+from drivers.ros2.virtual_topics import VirtualBase
 from drivers.ros2.wire import frame
-from drivers.sim.backup_limit import BackupLimit
 from drivers.sim.body import NOTHING, Body
-from drivers.virtual.topics import VirtualBase
-from missions.testing.recorders import Bench
+from drivers.sim.ground import BackupLimit
+from missions.plugins.testing.recorders import Bench
 from tests.contract.rigs import InSimulatedTime, simulated
 from tests.contract.test_base_contract import (  # noqa: F401 - all that a base promises
     BaseRig,

@@ -10,11 +10,11 @@ import pytest
 from drivers.api import Away, Coupling, JointLimits, Joints, JointState, Quality
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.ros2.joints import TopicJoints
+from drivers.ros2.joints_twin import StiffJoints
 from drivers.ros2.types import types
+from drivers.ros2.virtual_joints import VirtualJoints
 from drivers.ros2.ways import ARRAY, LEG, SILENT_AFTER, STATE, TRAJECTORY, TopicJoint
 from drivers.ros2.wire import frame
-from drivers.sim.twins.ros2_joints import StiffJoints
-from drivers.virtual.topic_joints import VirtualJoints
 from tests.contract.rigs import InSimulatedTime, Rig, simulated
 from tests.contract.test_joints_contract import (  # noqa: F401 - what holds of joints that are always stiff
     TICK,

@@ -7,9 +7,9 @@ from threading import Thread
 import pytest
 
 from drivers.api import Mood, Screen, Shown
+from drivers.screen.make import PrintedScreen
 from drivers.screen.pages import PageScreen
-from drivers.screen.printed import PrintedScreen
-from drivers.sim.twins.screen import ScreenTwin
+from drivers.screen.twin import ScreenTwin
 from tests.contract.rigs import InSimulatedTime, Rig, simulated
 
 

@@ -9,12 +9,12 @@ import pytest
 
 from drivers.api import Manner, Priority, Voice
 from drivers.errors import BadRequest, NotConnected
-from drivers.sim.twins.voice import VoiceTwin
-from drivers.voice.engines import Espeak
-from drivers.voice.player import Player
-from drivers.voice.printed import PrintedVoice
-from drivers.voice.program import Speaker, Synthesiser
+from drivers.sound.engines import Espeak
+from drivers.sound.player import Player
+from drivers.sound.printed import PrintedVoice
+from drivers.sound.program import Speaker, Synthesiser
 from drivers.voice.speech import SpeechVoice
+from drivers.voice.twin import VoiceTwin
 from tests.contract.rigs import InRealTime, InSimulatedTime, Rig, simulated
 
 PROGRAM = "import sys, threading; threading.Event().wait(0.2 * len(sys.stdin.read().split()))"

@@ -5,14 +5,14 @@ from contextlib import contextmanager
 from typing import Any
 
 from drivers.api import DeviceStatus, JointState
-from drivers.dynamixel import wire2
-from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.driver import DynamixelJoints
-from drivers.dynamixel.joint import JointSpec
-from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.wire import Instruction, Packet, Parser
+from drivers.servos import wire2
+from drivers.servos.bus import Bus
+from drivers.servos.driver import DynamixelJoints
+from drivers.servos.joint import JointSpec
+from drivers.servos.models import MODELS
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.wire import Instruction, Packet, Parser
 from drivers.sim.timeline import Timeline
-from drivers.virtual.dynamixel import VirtualServoBus
 from tests.drivers.chains import chain
 from tests.drivers.cranked import PERIOD, by_hand, pass_until
 from tests.drivers.lines import DirectLine

@@ -1,7 +1,7 @@
 """Chains of virtual servos as the shop delivers them."""
 
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.servo import VirtualServo
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from tests.drivers.fault_injection import FaultInjection
 
 

@@ -9,10 +9,10 @@ from functools import partial
 from typing import Protocol, runtime_checkable
 
 from drivers.api import Report, ignore
-from drivers.link import Link
-from drivers.loop import Turn
-from drivers.ports import explain
 from drivers.sim.timeline import Timeline
+from drivers.transport.link import Link
+from drivers.transport.loop import Turn
+from drivers.transport.ports import explain
 from drivers.virtual.terminal import Powered, WireDevice
 
 PERIOD = 0.005
@@ -20,7 +20,7 @@ PERIOD = 0.005
 
 
 class HandLoop:
-    """A ``drivers.loop.Loop`` whose turns are taken as a timeline comes to them."""
+    """A ``drivers.transport.loop.Loop`` whose turns are taken as a timeline comes to them."""
 
     def __init__(self, timeline: Timeline, turn: Turn, last: Callable[[], object]) -> None:
         self.alive = False
@@ -52,7 +52,7 @@ class HandLoop:
 
 
 def by_hand(timeline: Timeline) -> Callable[[str, Turn, Callable[[], object]], HandLoop]:
-    """Return what makes loops that are turned as ``timeline`` goes on: a ``drivers.loop.MakeLoop``."""
+    """Return what makes loops that are turned as ``timeline`` goes on: a ``drivers.transport.loop.MakeLoop``."""
     return lambda name, turn, last: HandLoop(timeline, turn, last)  # noqa: ARG005 - no thread, no name
 
 
@@ -129,7 +129,7 @@ class HandWire:
 
 
 class HandPort:
-    """A ``drivers.link.Port`` at the end of a ``HandWire``."""
+    """A ``drivers.transport.link.Port`` at the end of a ``HandWire``."""
 
     def __init__(self, wire: HandWire) -> None:
         self._wire = wire

@@ -7,7 +7,7 @@ from pathlib import Path
 from drivers.api.probing import Ask
 from drivers.clock import ManualClock
 from drivers.finding.machine import Machine
-from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.virtual.terminal import WireDevice, agree
 
 ME = 4242
@@ -110,7 +110,7 @@ class RecordedMachine:
 
 
 def gives_pictures(number: int, request: int, data: bytearray) -> None:
-    """Answer for a camera that says no more than that it has pictures: a ``drivers.camera.devices.Ioctl``."""
+    """Answer for a camera that says no more than that it has pictures: a ``drivers.finding.video.Ioctl``."""
     del number
     if request != 0x80685600:
         raise OSError(22, os.strerror(22))

@@ -8,9 +8,9 @@ from threading import Event
 from drivers.api import Velocity
 from drivers.clock import SystemClock
 from drivers.errors import DriverError
-from drivers.keeper.base import KeeperBase
-from drivers.link import Link
-from drivers.pi_car.dial import Guarded
+from drivers.pi_car.driver import KeeperBase
+from drivers.pi_car.make import Guarded
+from drivers.transport.link import Link
 
 if __name__ == "__main__":
     link = Link("base", "the guardian", 57_600, dial=Guarded(json.loads(sys.argv[1]), sys.argv[2:]))

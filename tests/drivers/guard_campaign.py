@@ -12,7 +12,7 @@ from typing import Any
 
 from behaviours.driving.arc import Arc
 from behaviours.driving.go_to import GoTo
-from behaviours.driving.straight import Drive
+from behaviours.driving.motion import Drive
 from behaviours.driving.turning import Turn
 from behaviours.leaf import RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot
@@ -21,19 +21,19 @@ from behaviours.wander import Wander
 from config.world import RoomConfig, StartConfig, WorldConfig
 from drivers.api import BASE_RADIUS, Pose2D, is_guarded
 from drivers.api.sections import BaseKeys
-from drivers.base.steered import settings_of
+from drivers.base.arbitrated import settings_of
+from drivers.base.twin import BaseTwin
+from drivers.rplidar.twin import RangerTwin
 from drivers.sim.body import Body
 from drivers.sim.scanner import looking
 from drivers.sim.stage import Stage
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins.base import BaseTwin
-from drivers.sim.twins.ranger import RangerTwin
 from drivers.sim.wheels import Wheels
 from drivers.sim.world import World
-from missions.hands.teleop.pilot import Pilot, Push
+from missions.control.commands import Drive as StudioDrive
+from missions.control.pilot import Pilot, Push
+from missions.control.wheels import Wheels as StudioWheels
 from missions.library.worlds import build_world
-from missions.studio.commands import Drive as StudioDrive
-from missions.studio.wheels import Wheels as StudioWheels
 from tests.storm.crowds import crowded
 from tests.storm.touching import Touch, TouchWatch
 

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 
 from drivers.api import DeviceStatus, Pose2D, Quality, RangeScan, Reading, Source, Velocity
-from drivers.api.range_guard import RangeGuardKeys
 from drivers.api.sections import BaseKeys
-from drivers.base.steered import settings_of
+from drivers.api.steering import RangeGuardKeys
+from drivers.base.arbitrated import settings_of
+from drivers.base.twin import BaseTwin
+from drivers.rplidar.twin import RangerTwin
 from drivers.sim.body import Body
 from drivers.sim.room import Room
 from drivers.sim.scanner import looking
 from drivers.sim.stage import Stage
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins.base import BaseTwin
-from drivers.sim.twins.ranger import RangerTwin
 from drivers.sim.wheels import Wheels
 from drivers.sim.world import World
 

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from typing import Generic, Protocol, Self, TypeVar
 
 from drivers.clock import Clock, ManualClock
-from drivers.dynamixel.bus import Bus
-from drivers.ports import explain
-from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.servos.bus import Bus
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.transport.ports import explain
 from drivers.virtual.terminal import Punctual, Tunable, WireDevice
 
 
@@ -23,7 +23,7 @@ S = TypeVar("S", bound=Servos)
 
 
 class DirectLine(Generic[S]):
-    """A ``drivers.dynamixel.adapter.Line`` with a virtual chain at its end. ``sent`` keeps what was sent.
+    """A ``drivers.transport.adapter.Line`` with a virtual chain at its end. ``sent`` keeps what was sent.
 
     ``distort`` sees all bytes that the chain sends, and returns what arrives instead.
     """

@@ -19,29 +19,28 @@ from py_trees.common import Status
 
 from behaviours.driving.arc import Arc
 from behaviours.driving.go_to import GoTo
-from behaviours.driving.motion import Motion
-from behaviours.driving.straight import Drive
+from behaviours.driving.motion import Drive, Motion
 from behaviours.driving.turning import Turn
 from behaviours.leaf import RUNNING, SUCCESS
 from behaviours.robot import Robot
 from drivers.api import STILL, Pose2D
+from drivers.base.plain_twin import PlainTwin
 from drivers.base.reckoning import TwoWheels
-from drivers.keeper.base import KeeperBase
+from drivers.base.twin import BaseTwin
 from drivers.kobuki.driver import KobukiBase
+from drivers.kobuki.virtual import VirtualKobuki
+from drivers.pi_car.driver import KeeperBase
 from drivers.ros2.base import Ros2Base
-from drivers.sim.backup_limit import BackupLimit
+from drivers.ros2.virtual_topics import VirtualBase
 from drivers.sim.body import Body
+from drivers.sim.ground import BackupLimit
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins.base import BaseTwin
-from drivers.sim.twins.plain_base import PlainTwin
 from drivers.sim.wheels import Wheels
-from drivers.virtual.keeper import VirtualCar
-from drivers.virtual.kobuki import VirtualKobuki
-from drivers.virtual.topics import VirtualBase
-from drivers.virtual.waveshare import VirtualWaveshare
+from drivers.virtual.guardian import VirtualCar
 from drivers.waveshare.driver import WaveshareBase
+from drivers.waveshare.virtual import VirtualWaveshare
 from drivers.waveshare.wire import FULL
-from missions.testing.recorders import Bench
+from missions.plugins.testing.recorders import Bench
 from tests.drivers.cranked import HandWire
 
 ACCELERATION, TURN_ACCELERATION = 0.5, 3.5

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from drivers.clock import ManualClock
-from drivers.dynamixel import adapter
-from drivers.ports import SerialPort, open_port
+from drivers.transport import adapter
+from drivers.transport.ports import SerialPort, open_port
 from drivers.virtual.terminal import Punctual, Tunable, WireDevice, agree
 
 STEP = 0.001
@@ -27,10 +27,10 @@ class Sockets:
         self.clock = ManualClock()
         self.devices: dict[str, WireDevice] = {}
         patch.setattr("drivers.finding.asking.open_port", self._open)
-        patch.setattr("drivers.dynamixel.adapter.open_port", self._open)
+        patch.setattr("drivers.transport.adapter.open_port", self._open)
         serial = adapter.SerialLine
         patch.setattr(
-            "drivers.dynamixel.adapter.SerialLine",
+            "drivers.transport.adapter.SerialLine",
             lambda who, port, clock: _Line(port) if isinstance(port, _Port) else serial(who, port, clock),
         )
 
@@ -40,7 +40,7 @@ class Sockets:
 
 
 class _Port:
-    """One that is open: what is used of a ``drivers.ports.SerialPort``."""
+    """One that is open: what is used of a ``drivers.transport.ports.SerialPort``."""
 
     port = ""
 
@@ -88,7 +88,7 @@ class _Port:
 
 
 class _Line:
-    """A ``drivers.dynamixel.adapter.Line`` to one."""
+    """A ``drivers.transport.adapter.Line`` to one."""
 
     latency = 0.0
 

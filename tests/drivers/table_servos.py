@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from drivers.dynamixel import wire, wire2
-from drivers.dynamixel.models import Model
-from drivers.dynamixel.wire import BROADCAST, Instruction
+from drivers.servos import wire, wire2
+from drivers.servos.models import Model
+from drivers.servos.wire import BROADCAST, Instruction
 
 
 @dataclass

@@ -10,15 +10,15 @@ from math import radians
 from random import Random
 
 from drivers.api import DeviceStatus, HeadPose, Health
-from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
-from drivers.arduino.vigil import MAX_PROOF_AGE, SESSION_TIMEOUT
+from drivers.arduino.reset_detector import MAX_PROOF_AGE, SESSION_TIMEOUT
+from drivers.arduino.virtual import FIRST, WITH_ENCODERS, VirtualRodney
 from drivers.clock import ManualClock
 from drivers.errors import DriverError, NotConnected
-from drivers.link import Link, Talker
-from drivers.pantilt import CATCH_UP
-from drivers.virtual.rodney import FIRST, WITH_ENCODERS, VirtualRodney
+from drivers.head.axis import ServoAxis
+from drivers.head.pantilt import CATCH_UP
+from drivers.transport.link import Link, Talker
 from tests.tries import tries
 
 SPEED = 120

@@ -14,15 +14,15 @@ from hypothesis import strategies as st
 
 from drivers.api import DeviceStatus, Head, HeadPose, Health, Quality
 from drivers.arduino import wire
-from drivers.arduino.axis import STARTS, ServoAxis
 from drivers.arduino.board import DOZE, Board
 from drivers.arduino.driver import ArduinoHead
-from drivers.arduino.memory import Memory
+from drivers.arduino.virtual import VirtualRodney
 from drivers.clock import ManualClock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
-from drivers.link import Link, Talker
+from drivers.head.axis import STARTS, ServoAxis
+from drivers.head.memory import Memory
+from drivers.transport.link import Link, Talker
 from drivers.virtual.patient_clock import PatientClock
-from drivers.virtual.rodney import VirtualRodney
 from drivers.virtual.terminal import Terminal
 from tests.waiting import wait_until
 

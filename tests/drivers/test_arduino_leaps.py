@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 
 from drivers.api import DeviceStatus, HeadPose
-from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
-from drivers.arduino.memory import Memory
+from drivers.arduino.virtual import ATTACHED, BEFORE_PART_1, FIRST, WITH_ENCODERS, VirtualRodney
+from drivers.head.axis import ServoAxis
+from drivers.head.memory import Memory
 from drivers.sim.timeline import Timeline
-from drivers.virtual.rodney import ATTACHED, BEFORE_PART_1, FIRST, WITH_ENCODERS, VirtualRodney
 from tests.drivers.cranked import HandWire
 from tests.drivers.test_arduino_campaign import RAMP, SPEED
 

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.motor import motor_of
-from drivers.legs.balance import Balance, Gains
 from drivers.legs.body import body_of
 from drivers.legs.compensation import Compensation, static_torques
 from drivers.legs.declared import LegsKeys
 from drivers.legs.engine import Engine, Felt, Posture
+from drivers.legs.pressure import Balance, Gains
+from drivers.servos.models import MODELS, motor_of
 from missions.library.drivers import robot_named
 
 

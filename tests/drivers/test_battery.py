@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from drivers.kobuki.odometry import FULL_VOLTAGE, battery_percent
 from drivers.sim.battery import CAPACITY, CHARGING, RESISTANCE, Battery
-from drivers.sim.load import OVERLOAD, current
+from drivers.sim.body import OVERLOAD, current
 
 
 def test_by_itself_it_keeps_what_it_has() -> None:

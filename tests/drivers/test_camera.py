@@ -13,14 +13,13 @@ import numpy as np
 import pytest
 
 from drivers.api import Camera, CameraFrame, DeviceStatus, Image
-from drivers.camera.capture import Capture
-from drivers.camera.decode import UNWANTED
 from drivers.camera.make import open_source
 from drivers.camera.pictures import pictures
 from drivers.camera.source import Kind, Source, kind_of
-from drivers.camera.threaded import ThreadedCamera
 from drivers.clock import Clock, ManualClock, SystemClock
 from drivers.errors import BadRequest, NotConnected
+from drivers.pictures.capture import Capture, ThreadedCamera
+from drivers.pictures.decode import UNWANTED
 from tests.waiting import wait_until
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.camera.devices import CSI_TROUBLE, CameraDevice, is_csi, list_devices
+from drivers.finding.video import CSI_TROUBLE, CameraDevice, is_csi, list_devices
 
 YUYV, MJPG, META = 0x56595559, 0x47504A4D, 0x4D455441
 

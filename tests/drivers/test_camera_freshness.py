@@ -13,11 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.api import DeviceStatus, Image
-from drivers.camera.decode import UNWANTED
-from drivers.camera.freshness import FROZEN, Freshness
 from drivers.camera.make import open_source
-from drivers.camera.threaded import ThreadedCamera
 from drivers.clock import ManualClock
+from drivers.pictures.capture import FROZEN, Freshness, ThreadedCamera
+from drivers.pictures.decode import UNWANTED
 from tests.waiting import wait_until
 
 STILL = np.random.default_rng(1).integers(90, 150, (48, 64, 3), dtype=np.uint8)

@@ -17,11 +17,12 @@ import pytest
 
 from drivers.api import CameraFrame, DeviceStatus, Image
 from drivers.api.secrets import without_secrets
-from drivers.camera import decode, reader
+from drivers.camera import reader
 from drivers.camera.make import open_source
-from drivers.camera.threaded import ThreadedCamera
 from drivers.camera.web import WebFeed
 from drivers.clock import SystemClock
+from drivers.pictures import decode
+from drivers.pictures.capture import ThreadedCamera
 from tests.drivers.web_cameras import MJPEG, OK, Connection, WebCamera, answer, jpeg, part
 from tests.waiting import wait_until
 

@@ -14,8 +14,8 @@ from drivers.api import Image
 from drivers.api.senses import CameraKeys, DistortionKeys
 from drivers.api.turn import Turn
 from drivers.camera.make import open_source
-from drivers.camera.turning import turned, unturned
 from drivers.clock import ManualClock
+from drivers.pictures.capture import turned, unturned
 from missions.library.drivers import load_robot
 from perception.geometry import Pinhole
 

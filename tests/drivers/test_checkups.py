@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 
 from drivers.api import CameraFrame, Health, Image
-from drivers.api.driver import Site
-from drivers.api.findings import Finding
+from drivers.api.driver import Finding, Site
 from drivers.api.senses import CameraKeys
 from drivers.api.sensors import Sound
 from drivers.camera.checkup import checkup as look_through
+from drivers.camera.twin import CameraTwin
 from drivers.clock import ManualClock
-from drivers.dynamixel.checkup import checkup as examine
-from drivers.dynamixel.declared import DynamixelKeys, JointKeys
 from drivers.finding.fitness import CPU, THROTTLED, fitness
 from drivers.finding.machine import Machine
 from drivers.finding.survey import survey
@@ -24,12 +22,13 @@ from drivers.kobuki.wire import Part
 from drivers.microphone.checkup import listened
 from drivers.rplidar.checkup import checkup as scan_at_rest
 from drivers.rplidar.declared import RPLidarKeys
+from drivers.rplidar.virtual import VirtualLidar
 from drivers.rplidar.wire import Condition, Status
+from drivers.servos.checkup import checkup as examine
+from drivers.servos.declared import DynamixelKeys, JointKeys
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins.camera import CameraTwin
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.rplidar import VirtualLidar
-from drivers.virtual.servo import VirtualServo
 from tests.drivers.desks import RecordedMachine, gives_pictures
 from tests.drivers.sockets import Sockets
 

@@ -5,10 +5,10 @@ import pytest
 from drivers.api import Source, Velocity
 from drivers.base.limits import Limits
 from drivers.base.velocity_multiplexer import VelocityMultiplexer
-from drivers.delays import Delays
-from drivers.dynamixel.bus import At
 from drivers.errors import NoReply
-from drivers.virtual.kobuki import VirtualKobuki
+from drivers.kobuki.virtual import VirtualKobuki
+from drivers.servos.bus import At
+from drivers.transport.delays import Delays
 from tests.drivers.chains import chain
 from tests.drivers.lines import direct_bus
 from tests.drivers.test_kobuki_driver import Bench

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from drivers.api import BASE_RADIUS, DockBeam, DockSignals, Pose2D, Sides
 from drivers.sim.battery import Battery
 from drivers.sim.body import Body
-from drivers.sim.dock import FAR_RANGE, NEAR_RANGE, NO_SIGNALS, REACH, SIZE, Dock
-from drivers.sim.things import Box
+from drivers.sim.things import FAR_RANGE, NEAR_RANGE, NO_SIGNALS, REACH, SIZE, Box, Dock
 from drivers.sim.wheels import Wheels
 from drivers.sim.world import World
 

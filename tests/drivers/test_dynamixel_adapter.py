@@ -10,11 +10,11 @@ import pytest
 import serial
 
 from drivers.clock import SystemClock
-from drivers.dynamixel.adapter import open_line, quicken, timer_of
-from drivers.dynamixel.bus import At, Bus
-from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.wire import status
 from drivers.errors import NoReply, NotConnected
+from drivers.servos.bus import At, Bus
+from drivers.servos.models import MODELS
+from drivers.servos.wire import status
+from drivers.transport.adapter import open_line, quicken, timer_of
 from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.terminal import Terminal
 from tests.drivers.chains import chain

@@ -10,15 +10,15 @@ import pytest
 
 from drivers.api import Away, Coupling, JointState, Quality
 from drivers.clock import SystemClock
-from drivers.dynamixel import gathering, wire2
-from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.driver import DynamixelJoints
-from drivers.dynamixel.joint import JointSpec
-from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.wire import Instruction
 from drivers.errors import BadRequest
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.servo import VirtualServo
+from drivers.servos import gathering, wire2
+from drivers.servos.bus import Bus
+from drivers.servos.driver import DynamixelJoints
+from drivers.servos.joint import JointSpec
+from drivers.servos.models import MODELS
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
+from drivers.servos.wire import Instruction
 from tests.drivers.arms import Arm, Make, making
 from tests.drivers.chains import chain, mixed_chain
 

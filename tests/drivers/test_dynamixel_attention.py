@@ -7,10 +7,10 @@ from math import radians
 import pytest
 
 from drivers.api import Coupling, JointState, Quality, Reading
-from drivers.dynamixel.attention import ASKED, LATELY, LIMP, RESTING, SENT, TURNED, Attention
-from drivers.dynamixel.driver import FRESH
-from drivers.dynamixel.joint import Joint, JointSpec
-from drivers.dynamixel.models import MODELS
+from drivers.servos.attention import ASKED, LATELY, LIMP, RESTING, SENT, TURNED, Attention
+from drivers.servos.driver import FRESH
+from drivers.servos.joint import Joint, JointSpec
+from drivers.servos.models import MODELS
 from tests.drivers.test_dynamixel_silence import Quiet
 
 STILL = JointState(0.0, 0.0, None, 0.0, 12.0, 35.0, moving=False, torque=False)

@@ -8,14 +8,14 @@ from collections.abc import Callable, Sequence
 import pytest
 
 from drivers.clock import ManualClock
-from drivers.dynamixel.bus import TRIES, At, Bus, Identity
-from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.overdue import LATE
-from drivers.dynamixel.register import Block
-from drivers.dynamixel.wire import Fault, status
-from drivers.dynamixel.wire2 import ALERT, Error
-from drivers.dynamixel.wire2 import status as status2
 from drivers.errors import BadRequest, NoReply, NotConnected
+from drivers.servos.bus import TRIES, At, Bus, Identity
+from drivers.servos.late_replies import LATE
+from drivers.servos.models import MODELS
+from drivers.servos.register import Block
+from drivers.servos.wire import Fault, status
+from drivers.servos.wire2 import ALERT, Error
+from drivers.servos.wire2 import status as status2
 from tests.drivers.chains import chain, mixed_chain
 from tests.drivers.fault_injection import FaultInjection
 from tests.drivers.lines import direct_bus

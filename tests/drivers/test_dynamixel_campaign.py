@@ -7,12 +7,12 @@ from random import Random
 import pytest
 
 from drivers.clock import SystemClock
-from drivers.dynamixel.bus import At, Bus
-from drivers.dynamixel.register import Block, Register
-from drivers.dynamixel.units import Protocol
 from drivers.errors import DriverError, NoReply
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.servo import VirtualServo
+from drivers.servos.bus import At, Bus
+from drivers.servos.register import Block, Register
+from drivers.servos.units import Protocol
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
 from tests.drivers.fault_injection import FaultInjection
 from tests.drivers.lines import direct_bus

@@ -5,15 +5,15 @@ from math import radians
 
 import pytest
 
-from drivers.dynamixel import wire2
-from drivers.dynamixel.bus import At
-from drivers.dynamixel.census import Found, census
-from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.units import baud_code
-from drivers.dynamixel.wire import BROADCAST, Fault, Instruction
 from drivers.errors import NotConnected
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.servo import VirtualServo
+from drivers.servos import wire2
+from drivers.servos.bus import At
+from drivers.servos.census import Found, census
+from drivers.servos.models import MODELS
+from drivers.servos.units import baud_code
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
+from drivers.servos.wire import BROADCAST, Fault, Instruction
 from tests.drivers.fault_injection import FaultInjection
 from tests.drivers.wired import Wired
 

@@ -10,15 +10,15 @@ import pytest
 
 from drivers.api import Away, JointState, Quality, Reading
 from drivers.clock import SystemClock
-from drivers.dynamixel import tables as m
-from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.driver import DynamixelJoints
-from drivers.dynamixel.joint import Joint, JointSpec
-from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.register import Register
-from drivers.dynamixel.torque import settle
-from drivers.dynamixel.wire import Fault, Instruction, status
 from drivers.errors import BadRequest, DeviceFault, NotConnected
+from drivers.servos import tables as m
+from drivers.servos.bus import Bus
+from drivers.servos.driver import DynamixelJoints
+from drivers.servos.joint import Joint, JointSpec
+from drivers.servos.models import MODELS
+from drivers.servos.register import Register
+from drivers.servos.torque import settle
+from drivers.servos.wire import Fault, Instruction, status
 from drivers.virtual.terminal import Terminal
 from tests.drivers.arms import PLAIN, TICK, Make, making
 from tests.drivers.chains import chain

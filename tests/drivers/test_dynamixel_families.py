@@ -9,19 +9,19 @@ import pytest
 
 from config.faults import InvalidFileError, Source
 from drivers.api.driver import resolved
-from drivers.dynamixel.bus import At
-from drivers.dynamixel.census import census
-from drivers.dynamixel.declared import ARM as DYNAMIXEL
-from drivers.dynamixel.identification import require_sole
-from drivers.dynamixel.joining import difference
-from drivers.dynamixel.joint import Joint, JointSpec
-from drivers.dynamixel.models import MODELS, Model, model_of
-from drivers.dynamixel.settings import apply, planned
 from drivers.errors import DeviceFault
-from drivers.feetech.declared import ARM as FEETECH
 from drivers.finding.asking import put
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.servo import VirtualServo
+from drivers.servos.bus import At
+from drivers.servos.census import census
+from drivers.servos.declared import ARM as DYNAMIXEL
+from drivers.servos.feetech import ARM as FEETECH
+from drivers.servos.identification import require_sole
+from drivers.servos.joining import difference
+from drivers.servos.joint import Joint, JointSpec
+from drivers.servos.models import MODELS, Model, model_of
+from drivers.servos.settings import apply, planned
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
 from missions.library.drivers import robot_of
 from tests.drivers.desks import HandAsked

@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.api import Coupling, DeviceStatus
-from drivers.api.following import FOLLOWING_TOLERANCE, PAUSE, RUN_IN, Following
-from drivers.dynamixel.commanded import EPISODE, Clamping
-from drivers.dynamixel.joint import Joint, JointSpec
-from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.pace import WINDOW, Pace
-from drivers.dynamixel.refusals import check_couplings
+from drivers.api.joints import FOLLOWING_TOLERANCE, PAUSE, RUN_IN, Following
 from drivers.errors import BadRequest
+from drivers.joints.refusals import check_couplings
+from drivers.servos.commanded import EPISODE, Clamping
+from drivers.servos.joint import Joint, JointSpec
+from drivers.servos.models import MODELS
+from drivers.servos.pace import WINDOW, Pace
 
 JOINTS = {"left": 1, "right": 2, "third": 3}
 ANGLES = st.floats(-3.0, 3.0)

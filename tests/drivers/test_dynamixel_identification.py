@@ -6,14 +6,14 @@ from random import Random
 
 import pytest
 
-from drivers.dynamixel.bus import At
-from drivers.dynamixel.identification import require_sole
-from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.settings import apply, planned
 from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.servo import VirtualServo
-from drivers.virtual.slots import Slot, collided
+from drivers.servos.bus import At
+from drivers.servos.identification import require_sole
+from drivers.servos.models import MODELS
+from drivers.servos.settings import apply, planned
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
+from drivers.servos.virtual.slots import Slot, collided
 from tests.drivers.fault_injection import FaultInjection
 from tests.drivers.lines import direct_bus
 

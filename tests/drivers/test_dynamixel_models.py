@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.dynamixel.models import MODELS, Model, model_of
-from drivers.dynamixel.units import RPM, Protocol, baud_code, baud_of
 from drivers.errors import BadRequest
+from drivers.servos.models import MODELS, Model, model_of
+from drivers.servos.units import RPM, Protocol, baud_code, baud_of
 from tests.cases import each
 
 EVERY = tuple(MODELS.values())

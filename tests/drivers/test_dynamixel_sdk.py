@@ -6,11 +6,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from drivers.dynamixel import wire, wire2
-from drivers.dynamixel.codec import CODECS
-from drivers.dynamixel.sdk import SDK_CODECS
-from drivers.dynamixel.units import Protocol
-from drivers.dynamixel.wire import Packet
+from drivers.servos import wire, wire2
+from drivers.servos.codec import CODECS
+from drivers.servos.sdk import SDK_CODECS
+from drivers.servos.units import Protocol
+from drivers.servos.wire import Packet
 
 PROTOCOLS: Sequence[Protocol] = (1, 2)
 SERVOS = st.integers(0, 252)

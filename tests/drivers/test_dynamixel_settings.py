@@ -2,13 +2,13 @@
 
 import pytest
 
-from drivers.dynamixel.bus import At, Bus
-from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.settings import FORCE, SOFTNESS, Change, apply, planned
-from drivers.dynamixel.wire import Instruction
 from drivers.errors import BadRequest, DeviceFault, NoReply, NotConnected
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.servo import VirtualServo
+from drivers.servos.bus import At, Bus
+from drivers.servos.models import MODELS
+from drivers.servos.settings import FORCE, SOFTNESS, Change, apply, planned
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
+from drivers.servos.wire import Instruction
 from tests.drivers.wired import Wired
 
 NAMES = ["AX-12A", "EX-106+", "MX-64", "MX-28(2.0)", "XM430-W350"]

@@ -10,14 +10,14 @@ import pytest
 
 from drivers.api import Away, Coupling, DeviceStatus, JointState, Quality, Reading
 from drivers.clock import ManualClock
-from drivers.dynamixel.attention import SENT
-from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.driver import DynamixelJoints
-from drivers.dynamixel.joint import Joint, JointSpec
-from drivers.dynamixel.legs import LABOURED, leg
-from drivers.dynamixel.models import MODELS as MODELS_BY_NAME
 from drivers.errors import NotConnected
-from drivers.virtual.servo import VirtualServo
+from drivers.servos.attention import SENT
+from drivers.servos.bus import Bus
+from drivers.servos.driver import DynamixelJoints
+from drivers.servos.joint import Joint, JointSpec
+from drivers.servos.legs import LABOURED, leg
+from drivers.servos.models import MODELS as MODELS_BY_NAME
+from drivers.servos.virtual.servo import VirtualServo
 from tests.drivers.chains import mixed_chain
 from tests.drivers.lines import DirectLine
 from tests.tries import tries

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.dynamixel import tables, tables_small, tables_sts
-from drivers.dynamixel.models import MODELS, Model
-from drivers.dynamixel.register import Block, Coding, Register, Table
 from drivers.errors import BadRequest
+from drivers.servos import tables, tables_small, tables_sts
+from drivers.servos.models import MODELS, Model
+from drivers.servos.register import Block, Coding, Register, Table
 from tests.cases import each
 
 TABLES = {

@@ -9,16 +9,16 @@ from typing import Any, Literal
 import pytest
 
 from drivers.api import Away, Coupling, DeviceStatus
-from drivers.api.following import FOLLOWING_TOLERANCE, RUN_IN
+from drivers.api.joints import FOLLOWING_TOLERANCE, RUN_IN
 from drivers.clock import ManualClock
-from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.driver import DynamixelJoints
-from drivers.dynamixel.joint import JointSpec
-from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.wire import Instruction
 from drivers.errors import NotConnected
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.servo import VirtualServo
+from drivers.servos.bus import Bus
+from drivers.servos.driver import DynamixelJoints
+from drivers.servos.joint import JointSpec
+from drivers.servos.models import MODELS
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
+from drivers.servos.wire import Instruction
 from tests.drivers.chains import mixed_chain
 from tests.drivers.lines import DirectLine
 from tests.waiting import wait_until
@@ -448,7 +448,7 @@ def test_a_goal_of_a_stream_that_was_asked_before_the_joint_was_back_moves_it_no
         arm.servo(1).present = True
         arm.run(1.5)
 
-    monkeypatch.setattr("drivers.dynamixel.driver.check_move", back_meanwhile)
+    monkeypatch.setattr("drivers.servos.driver.check_move", back_meanwhile)
     with pytest.raises(NotConnected, match="looking for the servos"):
         arm.joints.move({"a": 1.2, "b": 1.2})
     monkeypatch.undo()
@@ -461,7 +461,7 @@ def test_a_goal_of_a_stream_that_was_asked_before_the_joint_was_back_moves_it_no
 
 
 def test_who_holds_the_arm_has_the_wire_before_the_next_joint_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("drivers.dynamixel.driver.GIVEN_WAY", 60.0)  # in real time, however slow the machine is
+    monkeypatch.setattr("drivers.servos.driver.GIVEN_WAY", 60.0)  # in real time, however slow the machine is
     hand = Hand("AX-12A", "AX-12A", "AX-12A")
     hand.run(0.1)
     hand.joints.move({"a": 1.0, "b": 1.0, "c": 1.0})

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from drivers.dynamixel.joint import JointSpec
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.servo import VirtualServo
+from drivers.servos.joint import JointSpec
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from tests.drivers.arms import Make, making
 
 Spoil = Callable[[VirtualServo], object]

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from drivers.dynamixel.wire import BROADCAST, Fault, Instruction, Packet, Parser, request, status
+from drivers.servos.wire import BROADCAST, Fault, Instruction, Packet, Parser, request, status
 
 REQUESTS = [
     ("FF FF 01 02 01 FB", 1, Instruction.PING, ""),

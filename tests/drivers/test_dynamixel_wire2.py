@@ -6,8 +6,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from drivers.dynamixel.wire import BROADCAST, Fault, Packet
-from drivers.dynamixel.wire2 import (
+from drivers.servos.wire import BROADCAST, Fault, Packet
+from drivers.servos.wire2 import (
     ALERT,
     LAST_ID,
     MAX_PARAMETERS,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drivers.api import STILL, BaseState, Pose2D, RangeScan, Source, Velocity, is_guarded
-from drivers.api.range_guard import GUARD_FAILED, SCANS_MISSING
+from drivers.api.steering import GUARD_FAILED, SCANS_MISSING
 from drivers.base.limits import Limits
 from drivers.base.motion_fault import MotionFault
 from drivers.base.velocity_multiplexer import REPORTED_EVERY, VelocityMultiplexer

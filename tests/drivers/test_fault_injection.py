@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.dynamixel.wire import Instruction, Packet, Parser, request, status
+from drivers.servos.wire import Instruction, Packet, Parser, request, status
 from tests.drivers.chains import chain
 from tests.drivers.fault_injection import MAX_DELAY, MAX_PAUSE, FaultInjection
 

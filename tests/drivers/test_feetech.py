@@ -6,15 +6,15 @@ from random import Random
 
 import pytest
 
-from drivers.dynamixel.bus import At, Bus, Identity
-from drivers.dynamixel.census import census
-from drivers.dynamixel.driver import DynamixelJoints
-from drivers.dynamixel.joint import JointSpec
-from drivers.dynamixel.legs import AHEAD
-from drivers.dynamixel.settings import apply, planned
 from drivers.errors import BadRequest, DeviceFault, NotConnected
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.servo import STALL_TIME, VirtualServo
+from drivers.servos.bus import At, Bus, Identity
+from drivers.servos.census import census
+from drivers.servos.driver import DynamixelJoints
+from drivers.servos.joint import JointSpec
+from drivers.servos.legs import AHEAD
+from drivers.servos.settings import apply, planned
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import STALL_TIME, VirtualServo
 from tests.cases import each
 from tests.drivers.arms import Arm, Make, making
 from tests.drivers.chains import chain, mixed_chain

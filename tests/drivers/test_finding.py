@@ -11,27 +11,26 @@ import pytest
 
 from drivers.api.driver import resolved
 from drivers.arduino import wire as rosserial
+from drivers.arduino.virtual import VirtualRodney
 from drivers.clock import SystemClock
-from drivers.dynamixel.units import baud_code
-from drivers.dynamixel.wire import Instruction
 from drivers.errors import NotConnected
 from drivers.finding.asking import Heard, certain, drivers_that_probe, put, who_answers
 from drivers.finding.machine import Machine
-from drivers.finding.others import cameras, pads, sound_cards
 from drivers.finding.serial_ports import SerialPort, lost_adapters, serial_ports
-from drivers.finding.survey import asker, survey
+from drivers.finding.survey import asker, cameras, pads, sound_cards, survey
 from drivers.finding.usb import Usb
-from drivers.keeper import wire as lines
-from drivers.ports import is_raspberry_pi_5, leads_to_debug_connector, open_port
+from drivers.kobuki.virtual import VirtualKobuki
+from drivers.rplidar.virtual import VirtualLidar
 from drivers.rplidar.wire import BEGIN, Command
+from drivers.servos.units import baud_code
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
+from drivers.servos.wire import Instruction
 from drivers.sim.body import Body
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.kobuki import VirtualKobuki
-from drivers.virtual.rodney import VirtualRodney
-from drivers.virtual.rplidar import VirtualLidar
-from drivers.virtual.servo import VirtualServo
+from drivers.transport import guardian_wire as lines
+from drivers.transport.ports import is_raspberry_pi_5, leads_to_debug_connector, open_port
 from drivers.virtual.terminal import Terminal, WireDevice
-from drivers.virtual.waveshare import VirtualWaveshare
+from drivers.waveshare.virtual import VirtualWaveshare
 from missions.library.drivers import Table
 from tests.drivers.desks import HandAsked, RecordedMachine, gives_pictures, sent_instructions
 from tests.drivers.fault_injection import FaultInjection
@@ -403,7 +402,7 @@ def test_the_debug_connector_of_a_raspberry_pi_5_is_not_taken_for_its_pins(
 def test_a_port_that_leads_to_the_debug_connector_is_not_opened(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("drivers.ports.leads_to_debug_connector", lambda port: port == "/dev/serial0")
+    monkeypatch.setattr("drivers.transport.ports.leads_to_debug_connector", lambda port: port == "/dev/serial0")
     with pytest.raises(NotConnected, match=r"^base: /dev/serial0: leads to the debug connector of this Raspb") as told:
         open_port("base", "/dev/serial0", 115_200)
     assert told.value.hint.startswith("port: /dev/ttyAMA0  (GPIO 14 and 15, after dtparam=uart0=on")

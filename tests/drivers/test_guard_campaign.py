@@ -4,7 +4,7 @@ from statistics import median
 
 import pytest
 
-from drivers.sim.twins.base import BaseTwin
+from drivers.base.twin import BaseTwin
 from tests.drivers.guard_campaign import draw, play, run_errand
 from tests.tries import tries
 

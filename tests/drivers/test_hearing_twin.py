@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.api import DeviceStatus
+from drivers.microphone.twin import HearingTwin
 from drivers.sim.acts import Reply
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins.ears import HearingTwin
 from perception.api import Hearing, Words
 from perception.hearing.grammar import Grammar
 

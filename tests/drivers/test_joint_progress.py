@@ -10,12 +10,12 @@ import pytest
 
 from drivers.api import Coupling, DeviceStatus
 from drivers.clock import ManualClock
-from drivers.dynamixel.joint import JointSpec
-from drivers.dynamixel.wire import Fault
 from drivers.errors import DeviceFault
-from drivers.joint_progress import BLOCKED_AFTER, RETRY_AFTER, WRONG_WAY, JointProgress
-from drivers.sim.twins.joints import JointsTwin
-from drivers.virtual.servo import VirtualServo
+from drivers.joints.progress import BLOCKED_AFTER, RETRY_AFTER, WRONG_WAY, JointProgress
+from drivers.servos.joint import JointSpec
+from drivers.servos.twin import JointsTwin
+from drivers.servos.virtual.servo import VirtualServo
+from drivers.servos.wire import Fault
 from tests.drivers.test_dynamixel_silence import Quiet
 from tests.machines import walk
 from tests.tries import tries
@@ -327,6 +327,6 @@ def test_random_events_take_every_transition(monkeypatch: pytest.MonkeyPatch) ->
         joint.progress.hold(None)
 
     actions = [Handled.command, Handled.command, hold, relax, *[Handled.look] * 16]
-    table = walk(monkeypatch, "drivers.joint_progress.TRANSITIONS", Handled, actions, walks=800, steps=150)
+    table = walk(monkeypatch, "drivers.joints.progress.TRANSITIONS", Handled, actions, walks=800, steps=150)
     assert table.visited == set(table)
     assert not table.missing

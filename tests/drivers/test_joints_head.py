@@ -5,12 +5,12 @@ from math import inf, nan, pi, radians
 import pytest
 
 from drivers.api import DeviceStatus, HeadPose, Quality
-from drivers.dynamixel.joint import JointSpec
 from drivers.errors import BadRequest, NotConnected
-from drivers.joints_head import JointAxis
+from drivers.head.joints_head import JointAxis
+from drivers.servos.joint import JointSpec
+from drivers.servos.neck_twin import NeckTwin
+from drivers.servos.twin import JointsTwin
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins.joints import JointsTwin
-from drivers.sim.twins.neck import NeckTwin
 
 SPECS = {
     "elbow": JointSpec(1),

@@ -14,19 +14,19 @@ from hypothesis import strategies as st
 
 from config.faults import InvalidFileError
 from drivers.api import DeviceStatus, HeadPose, Velocity
-from drivers.arduino.axis import ServoAxis
 from drivers.base.reckoning import TwoWheels
 from drivers.errors import DeviceFault, DriverError
-from drivers.keeper import wire
-from drivers.keeper.base import KeeperBase
-from drivers.keeper.head import KeeperHead
-from drivers.keeper.keeper import SERVO_SPEED, Keeper, Servos, Wheels
+from drivers.head.axis import ServoAxis
+from drivers.head.guardian_head import KeeperHead
+from drivers.pi_car.driver import KeeperBase
 from drivers.sim.body import Body
 from drivers.sim.timeline import Timeline
-from drivers.virtual.keeper import VirtualCar, VirtualServos
+from drivers.transport import guardian_wire
+from drivers.transport.guardian import SERVO_SPEED, Keeper, Servos, Wheels
+from drivers.virtual.guardian import VirtualCar, VirtualServos
 from missions.executive.events import Event, Logged
 from missions.library.drivers import load_robot
-from missions.order import RunRequest
+from missions.request import RunRequest
 from missions.runner import Runner
 from tests.drivers.cranked import PERIOD, HandWire, pass_until
 from tests.drivers.damaged import MISHAPS, Damaged
@@ -115,24 +115,24 @@ def bench() -> Iterator[Bench]:
 
 
 def test_a_line_is_read_as_it_was_written_and_its_sum_is_the_well_known_one() -> None:
-    assert wire.read(wire.ASK.strip()) == wire.Ask()
-    assert wire.read(wire.go(7, -1000, 1000).strip()) == wire.Go(7, -1000, 1000)
-    assert wire.read(wire.report(32000, 0, -1).strip()) == wire.Report(32000, 0, -1)
-    assert wire._lined("123456789").endswith(b"*29B1\n")
+    assert guardian_wire.read(guardian_wire.ASK.strip()) == guardian_wire.Ask()
+    assert guardian_wire.read(guardian_wire.go(7, -1000, 1000).strip()) == guardian_wire.Go(7, -1000, 1000)
+    assert guardian_wire.read(guardian_wire.report(32000, 0, -1).strip()) == guardian_wire.Report(32000, 0, -1)
+    assert guardian_wire._lined("123456789").endswith(b"*29B1\n")
 
 
 @given(st.binary(max_size=60))
 def test_noise_is_no_line(noise: bytes) -> None:
     with pytest.raises(ValueError, match=r"."):
-        wire.read(noise)
+        guardian_wire.read(noise)
 
 
 @given(st.integers(1, 32000), st.integers(-1000, 1000), st.integers(-1000, 1000), st.data())
 def test_a_line_with_one_bit_turned_over_is_none(boot: int, first: int, second: int, data: st.DataObject) -> None:
-    line = bytearray(wire.go(boot, first, second).strip())
+    line = bytearray(guardian_wire.go(boot, first, second).strip())
     line[data.draw(st.integers(0, len(line) - 1))] ^= 1 << data.draw(st.integers(0, 7))
     with pytest.raises(ValueError, match=r"."):
-        wire.read(bytes(line))
+        guardian_wire.read(bytes(line))
 
 
 # --- the keeper -------------------------------------------------------------------------------------------------------
@@ -141,12 +141,14 @@ def test_a_line_with_one_bit_turned_over_is_none(boot: int, first: int, second: 
 def test_it_lets_all_rest_when_nobody_talks_and_obeys_nobody_who_knew_another() -> None:
     hands = Hands()
     keeper = Keeper(hands, boot=5, now=0.0)
-    assert keeper.feed(wire.go(5, 300, 400), 1.0) == b""
-    assert keeper.feed(wire.go(4, 900, 900) + b"noise\n" + wire.ASK, 1.1) == wire.report(5, 300, 400)
+    assert keeper.feed(guardian_wire.go(5, 300, 400), 1.0) == b""
+    assert keeper.feed(guardian_wire.go(4, 900, 900) + b"noise\n" + guardian_wire.ASK, 1.1) == guardian_wire.report(
+        5, 300, 400
+    )
     assert hands.aimed == [(300, 400)]
-    keeper.poll(1.1 + wire.WATCHDOG - 0.001)
+    keeper.poll(1.1 + guardian_wire.WATCHDOG - 0.001)
     assert hands.rests == 0
-    keeper.poll(1.1 + wire.WATCHDOG + 0.001)
+    keeper.poll(1.1 + guardian_wire.WATCHDOG + 0.001)
     keeper.poll(9.0)
     assert hands.rests == 1
 

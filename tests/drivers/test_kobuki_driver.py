@@ -11,7 +11,6 @@ import serial
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import ports
 from drivers.api import (
     COMMAND_LIFE,
     STILL,
@@ -32,12 +31,13 @@ from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, Extra, GetGai
 from drivers.kobuki.driver import DOZE, SILENT_AFTER, TIMES, KobukiBase
 from drivers.kobuki.feedback import FEEDBACK, METRES_PER_TICK, Core, Gains, Inertia
 from drivers.kobuki.odometry import Odometry, Senses, battery_percent
+from drivers.kobuki.virtual import VirtualKobuki
 from drivers.kobuki.wire import BAUD, HEADER, FrameFinder, Part, decode, encode
-from drivers.link import Link, Talker
 from drivers.sim.body import COMMAND_TIMEOUT
 from drivers.sim.timeline import Timeline
 from drivers.sim.wheels import Wheels
-from drivers.virtual.kobuki import VirtualKobuki
+from drivers.transport import ports
+from drivers.transport.link import Link, Talker
 from drivers.virtual.patient_clock import PatientClock
 from drivers.virtual.terminal import Terminal
 from tests.drivers.cranked import HandWire, pass_until

@@ -5,8 +5,8 @@ from random import Random
 from drivers.kobuki.commands import COMMANDS
 from drivers.kobuki.feedback import FEEDBACK
 from drivers.kobuki.listener import Listener
+from drivers.kobuki.virtual import VirtualKobuki
 from drivers.kobuki.wire import FrameFinder, decode, frame
-from drivers.virtual.kobuki import VirtualKobuki
 
 MILLION = 1_000_000
 

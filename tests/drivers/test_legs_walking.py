@@ -8,21 +8,19 @@ import numpy as np
 import pytest
 
 from drivers.api import STILL, DeviceStatus, Quality, Velocity
-from drivers.dynamixel.declared import DynamixelKeys
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.legs.body import SIDES, Body, Floats, body_of
 from drivers.legs.declared import LegsKeys, StrideKeys
 from drivers.legs.engine import PERIOD, Engine, Felt, Plan, Posture, manner_of, plan, whole
-from drivers.legs.kinematics import centre_of_mass, centre_over_legs, centres, forward, turning
-from drivers.legs.odometry import FootOdometry
-from drivers.legs.pattern import Spot
+from drivers.legs.kinematics import FootOdometry, centre_of_mass, centre_over_legs, centres, forward, turning
 from drivers.legs.pendulum import GRAVITY, edges, margin, rate, swayed, swaying
-from drivers.legs.walker import Walker
+from drivers.legs.twin import LegsTwin
+from drivers.legs.walker import Spot, Walker
+from drivers.servos.declared import DynamixelKeys
+from drivers.servos.twin import JointsTwin
 from drivers.sim.stage import Stage
 from drivers.sim.timeline import Timeline
 from drivers.sim.twins import making
-from drivers.sim.twins.joints import JointsTwin
-from drivers.sim.twins.legs import LegsTwin
 from drivers.sim.world import ORIGIN
 from missions.library.drivers import load_robot
 

@@ -4,7 +4,7 @@ from threading import current_thread
 
 import pytest
 
-from drivers.loop import ThreadLoop
+from drivers.transport.loop import ThreadLoop
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.real_time

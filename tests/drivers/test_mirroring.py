@@ -7,11 +7,11 @@ import pytest
 
 from behaviours.joint_motion import Mirroring, by_range
 from drivers.api import Coupling
-from drivers.api.following import FOLLOWING_TOLERANCE, RUN_IN
-from drivers.dynamixel.joint import JointSpec
+from drivers.api.joints import FOLLOWING_TOLERANCE, RUN_IN
 from drivers.errors import BadRequest, NotConnected
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.servo import VirtualServo
+from drivers.servos.joint import JointSpec
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from tests.drivers.arms import Arm
 from tests.drivers.cranked import PERIOD
 

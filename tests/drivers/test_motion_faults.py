@@ -3,16 +3,15 @@
 import pytest
 from py_trees.common import Status
 
-from behaviours.driving.motion import Motion
-from behaviours.driving.straight import Drive
+from behaviours.driving.motion import Drive, Motion
 from behaviours.driving.turning import Turn
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.robot import Robot
-from drivers.base.motion_hold import MAX_FAULTS
+from drivers.base.motion_fault import MAX_FAULTS
 from drivers.sim.body import Body
 from drivers.sim.timeline import Timeline
 from drivers.sim.wheels import Wheels
-from missions.testing.recorders import Bench
+from missions.plugins.testing.recorders import Bench
 from tests.drivers.motion_faults import BASES, FAULTS, TICK, TRACK, MotionCase, draw, play
 from tests.tries import tries
 

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from drivers.clock import SystemClock
-from drivers.feetech.calibration import load, text
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.rplidar import VirtualLidar
-from drivers.virtual.servo import VirtualServo
+from drivers.rplidar.virtual import VirtualLidar
+from drivers.servos.calibration import load, text
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal, WireDevice
 from tests.drivers.chains import chain, mixed_chain
 

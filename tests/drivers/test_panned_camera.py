@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from drivers.api import Camera, Image
 from drivers.clock import ManualClock
-from drivers.sim.panned import PannedCamera, turned
+from drivers.sim.painter import PannedCamera, turned
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.rendered import RenderedCamera

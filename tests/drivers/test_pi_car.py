@@ -15,13 +15,11 @@ from gpiozero.pins.mock import MockFactory, MockPWMPin
 
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
-from drivers.keeper import wire
 from drivers.pi_car import guardian
-from drivers.pi_car.dial import COMMAND, Guarded, Guardian, cure
-from drivers.pi_car.guardian import REST_TRIES
-from drivers.pi_car.hands import on_channels, on_pins, servos
-from drivers.pi_car.pca9685 import Pca9685
-from drivers.ports import Lost, explain
+from drivers.pi_car.guardian import REST_TRIES, Pca9685, on_channels, on_pins, servos
+from drivers.pi_car.make import COMMAND, Guarded, Guardian, cure
+from drivers.transport import guardian_wire
+from drivers.transport.ports import Lost, explain
 from tests.waiting import wait_until
 
 MOCK = (sys.executable, "-m", "tests.drivers.mock_guardian")
@@ -103,18 +101,18 @@ def test_a_servo_gets_the_pulses_of_the_arduino_and_is_found_where_it_was_sent(d
 
 def test_servos_start_where_the_chip_has_sent_them() -> None:
     chip = Chip()
-    assert servos(woken(chip), 0, 1).present() == (wire.UNKNOWN, wire.UNKNOWN)
+    assert servos(woken(chip), 0, 1).present() == (guardian_wire.UNKNOWN, guardian_wire.UNKNOWN)
     woken(chip).degree(1, 70)
-    assert servos(woken(chip), 0, 1).present() == (wire.UNKNOWN, 70)
+    assert servos(woken(chip), 0, 1).present() == (guardian_wire.UNKNOWN, 70)
 
 
 def test_pulses_of_somebody_with_another_frequency_are_taken_for_no_place_and_end() -> None:
     chip = Chip()
     woken(chip).degree(0, 90)
     chip.registers[0xFE] = 101  # 60 Hz: the same counts are shorter pulses
-    assert servos(woken(chip), 0, 1).present() == (wire.UNKNOWN, wire.UNKNOWN)
+    assert servos(woken(chip), 0, 1).present() == (guardian_wire.UNKNOWN, guardian_wire.UNKNOWN)
     assert chip.share(0) == 0.0
-    assert servos(woken(chip), 0, 1).present() == (wire.UNKNOWN, wire.UNKNOWN)
+    assert servos(woken(chip), 0, 1).present() == (guardian_wire.UNKNOWN, guardian_wire.UNKNOWN)
 
 
 OF_ADAFRUIT = {0: (111, 0), 45: (206, 0), 90: (45, 1), 135: (140, 1), 180: (235, 1)}
@@ -323,20 +321,20 @@ def test_a_driver_that_stands_still_leaves_motors_that_stand(
     clock = SystemClock()
     os.kill(driver.pid, signal.SIGSTOP)
     wait_until(lambda: not journal.turns())
-    assert clock.now() <= wire.WATCHDOG + WITHIN
+    assert clock.now() <= guardian_wire.WATCHDOG + WITHIN
     os.kill(driver.pid, signal.SIGKILL)
 
 
 @pytest.mark.real_time
 def test_a_guardian_hears_no_signals_of_a_terminal_and_ends_with_its_driver(journal: Journal) -> None:
-    guardian = Guarded(CHIP, MOCK)("base", "the guardian", wire.BAUD)
+    guardian = Guarded(CHIP, MOCK)("base", "the guardian", guardian_wire.BAUD)
     try:
         boot = hello(guardian)
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             os.kill(guardian.pid, number)
-        guardian.write(wire.go(boot, 500, -500))
+        guardian.write(guardian_wire.go(boot, 500, -500))
         wait_until(journal.turns)
-        guardian.write(wire.go(boot + 1, 1000, 1000))  # meant for another
+        guardian.write(guardian_wire.go(boot + 1, 1000, 1000))  # meant for another
         assert hello(guardian) == boot
         assert journal.motors()["channel 8"] == pytest.approx(2048)
         wait_until(lambda: not journal.turns())  # nobody says anything any more
@@ -348,12 +346,12 @@ def test_a_guardian_hears_no_signals_of_a_terminal_and_ends_with_its_driver(jour
 @pytest.mark.real_time
 @pytest.mark.usefixtures("journal")
 def test_another_guardian_knows_where_the_servos_stand() -> None:
-    for expected, goal in (((wire.UNKNOWN, wire.UNKNOWN), (80, 100)), ((80, 100), (81, 101))):
-        guardian = Guarded(HEAD, MOCK)("head", "the guardian", wire.BAUD)
+    for expected, goal in (((guardian_wire.UNKNOWN, guardian_wire.UNKNOWN), (80, 100)), ((80, 100), (81, 101))):
+        guardian = Guarded(HEAD, MOCK)("head", "the guardian", guardian_wire.BAUD)
         try:
             report = asked(guardian)
             assert (report.first, report.second) == expected
-            guardian.write(wire.go(report.boot, *goal))
+            guardian.write(guardian_wire.go(report.boot, *goal))
             wait_until(lambda: (asked(guardian).first, asked(guardian).second) == goal)  # noqa: B023 - of this round
         finally:
             guardian.close()
@@ -362,20 +360,20 @@ def test_another_guardian_knows_where_the_servos_stand() -> None:
 @pytest.mark.real_time
 def test_a_pi_without_pins_is_told_in_words() -> None:
     dials = Guarded({"motors": "gpio", "left": {}, "right": {}}, COMMAND)
-    guardian = dials("base", "the guardian", wire.BAUD)
+    guardian = dials("base", "the guardian", guardian_wire.BAUD)
     said = ""
     try:
         while not said:
-            guardian.write(wire.ASK)
+            guardian.write(guardian_wire.ASK)
             said = ended(guardian)
     finally:
         guardian.close()
     assert said == dials.words == "KeyError: 'enable'"
     assert "raspi-config" in explain("base", "the guardian", Lost(said, cure())).hint
     with pytest.raises(NotConnected, match="KeyError: 'enable'"):
-        dials("base", "the guardian", wire.BAUD)  # not at once again
+        dials("base", "the guardian", guardian_wire.BAUD)  # not at once again
     with pytest.raises(NotConnected, match="the guardian"):
-        Guarded({}, ["/nowhere/python"])("base", "the guardian", wire.BAUD)
+        Guarded({}, ["/nowhere/python"])("base", "the guardian", guardian_wire.BAUD)
 
 
 def ended(guardian: Guardian) -> str:
@@ -387,14 +385,14 @@ def ended(guardian: Guardian) -> str:
     return ""
 
 
-def asked(guardian: Guardian) -> wire.Report:
+def asked(guardian: Guardian) -> guardian_wire.Report:
     """Return how it is."""
-    guardian.write(wire.ASK)
+    guardian.write(guardian_wire.ASK)
     said = b""
     while not said.endswith(b"\n"):
         said += guardian.arrived(5.0)
-    found = wire.read(said.splitlines()[-1])
-    assert isinstance(found, wire.Report)
+    found = guardian_wire.read(said.splitlines()[-1])
+    assert isinstance(found, guardian_wire.Report)
     return found
 
 

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from drivers.api import Camera
-from drivers.camera.decode import decoded, load, size_of
 from drivers.camera.make import open_source
 from drivers.camera.pictures import pictures
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
+from drivers.pictures.decode import decoded, load, size_of
 from missions.library.people import People, PeopleError
 from tests.waiting import wait_until
 
@@ -92,8 +92,8 @@ def test_a_picture_that_would_take_gigabytes_is_refused_by_every_reader(tmp_path
 def test_a_film_with_frames_that_are_too_large_is_refused_before_one_is_decoded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("drivers.camera.decode.MOST_PIXELS", 3000)
-    monkeypatch.setattr("drivers.camera.decode.grab", None)
+    monkeypatch.setattr("drivers.pictures.decode.MOST_PIXELS", 3000)
+    monkeypatch.setattr("drivers.pictures.decode.grab", None)
     film = tmp_path / "wide.avi"
     writer = cv2.VideoWriter(str(film), cv2.VideoWriter.fourcc(*"MJPG"), 5.0, (64, 48))
     writer.write(np.zeros((48, 64, 3), np.uint8))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from drivers.api import DeviceStatus, ignore
 from drivers.clock import SystemClock
 from drivers.errors import NoReply, NotConnected
-from drivers.pipe import Unframer, Worker, frame
+from drivers.transport.pipe import Unframer, Worker, frame
 from tests.waiting import wait_until
 
 ECHO = """

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.api import HeadLimits
-from drivers.profile import LONGEST_STEP, Profile
+from drivers.head.pantilt import LONGEST_STEP, Profile
 
 SPEED, ACCELERATION = 2.0, 7.0
 angles = st.floats(-3, 3)

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from drivers import ports
 from drivers.errors import NotConnected
-from drivers.programs import Program, device_holders, program_of, tcp_holders
+from drivers.transport import ports
+from drivers.transport.programs import Program, device_holders, program_of, tcp_holders
 from tests.cases import each
 from tests.waiting import wait_until
 

@@ -7,7 +7,7 @@ import pytest
 
 from drivers.api import STILL, BaseState, Pose2D, Sides, Source, Velocity
 from drivers.base.limits import Limits
-from drivers.base.motion_hold import LET_GO, MAX_FAULTS
+from drivers.base.motion_fault import LET_GO, MAX_FAULTS
 from drivers.base.progress_monitor import NO_DATA_TIMEOUT, Instruments, ProgressMonitor
 from drivers.base.velocity_multiplexer import VelocityMultiplexer
 from drivers.sim.wheels import Wheels

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drivers.api import Pose2D, RangeScan, Sides, Source, Velocity, is_guarded
-from drivers.api.range_guard import IN_THE_WAY, OUT_OF_SIGHT, SCANS_LATE, SCANS_MISSING, RangeGuardKeys
+from drivers.api.steering import IN_THE_WAY, OUT_OF_SIGHT, SCANS_LATE, SCANS_MISSING, RangeGuardKeys
 from drivers.base.footprint import Disc, PathPoses, Polygon
 from drivers.base.range_guard import RENEWAL
 from drivers.base.seen_points import SeenPoints

@@ -8,15 +8,13 @@ from pathlib import Path
 import pytest
 
 from drivers.api import Pose2D
-from drivers.dynamixel.joint import JointSpec
-from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.motor import motor_of
 from drivers.errors import BadRequest
+from drivers.servos.joint import JointSpec
+from drivers.servos.models import MODELS, motor_of
+from drivers.servos.rigid_twin import RigidServo
 from drivers.sim.rigid import scene as scenes
-from drivers.sim.rigid.links import Floor, Push
-from drivers.sim.rigid.mjcf import mjcf
+from drivers.sim.rigid.links import Floor, Push, mjcf
 from drivers.sim.rigid.scene import Scene
-from drivers.sim.twins.rigid_joints import RigidServo
 from tests.drivers.toy_humanoid import MOTOR, crouch, figure, scene
 
 

@@ -11,12 +11,12 @@ import pytest
 from drivers.api import Angles, DeviceStatus, Health, Quality
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NotConnected
-from drivers.link import Link
 from drivers.rplidar import wire
 from drivers.rplidar.driver import AGAIN, GATHER, STALE_AFTER, STUCK_AFTER, RPLidar
 from drivers.rplidar.session import BOOT, REPLY_TIMEOUT, SILENCE, STOP_PAUSE, TRIES
+from drivers.rplidar.virtual import VirtualLidar
 from drivers.rplidar.wire import BAUD, Command, Condition, Status, request
-from drivers.virtual.rplidar import VirtualLidar
+from drivers.transport.link import Link
 from drivers.virtual.terminal import Terminal
 from tests.waiting import wait_until
 

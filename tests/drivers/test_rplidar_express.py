@@ -9,8 +9,8 @@ import pytest
 from drivers.rplidar import capsules
 from drivers.rplidar.capsules import COUNT, SIZE, CapsuleFinder, capsule
 from drivers.rplidar.nodes import TURN
+from drivers.rplidar.virtual import VirtualLidar
 from drivers.rplidar.wire import EXPRESS, Command, request
-from drivers.virtual.rplidar import VirtualLidar
 from tests.drivers.test_rplidar_driver import FAR, Bench, all_round
 
 STEP = 16 * 64

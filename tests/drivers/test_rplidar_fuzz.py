@@ -4,10 +4,10 @@ from random import Random
 
 import numpy as np
 
+from drivers.base.scan_mounting import Mounting
+from drivers.rplidar.driver import Turns
 from drivers.rplidar.models import MODELS
-from drivers.rplidar.mounting import Mounting
 from drivers.rplidar.nodes import SIZE, TURN, NodeFinder, Nodes
-from drivers.rplidar.turns import Turns
 from drivers.rplidar.wire import RequestFinder
 
 MILLION = 1_000_000

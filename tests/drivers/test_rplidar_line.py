@@ -10,8 +10,8 @@ import pytest
 from drivers.api import Health
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
-from drivers.link import Link
-from drivers.ports import open_port
+from drivers.transport.link import Link
+from drivers.transport.ports import open_port
 from drivers.virtual.terminal import Terminal
 from tests.waiting import wait_until
 

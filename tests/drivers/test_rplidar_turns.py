@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.api import RangeScan
+from drivers.base.scan_mounting import BEAMS, Mounting, beam, bearings
+from drivers.rplidar.driver import MAX_NODES, Turns
 from drivers.rplidar.models import MODELS, SAMPLES
-from drivers.rplidar.mounting import BEAMS, Mounting, beam, bearings
 from drivers.rplidar.nodes import TURN, Nodes
-from drivers.rplidar.turns import MAX_NODES, Turns
 
 A1 = MODELS["a1"]
 

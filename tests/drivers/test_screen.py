@@ -13,14 +13,12 @@ from hypothesis import strategies as st
 
 from drivers.api import Image, Mood, Screen, Shown
 from drivers.clock import ManualClock
-from drivers.screen.drawing import HEIGHT, WIDTH, draw
-from drivers.screen.expression import BLINK, BLINK_EVERY, expression
-from drivers.screen.frame import frame
+from drivers.screen.drawing import HEIGHT, WIDTH, draw, frame
+from drivers.screen.expression import BLINK, BLINK_EVERY, LINES, MAX_TEXT_LENGTH, arranged, expression
+from drivers.screen.make import PrintedScreen
 from drivers.screen.pages import news, numbers, picture, svg
-from drivers.screen.printed import PrintedScreen
-from drivers.screen.words import LINES, MAX_TEXT_LENGTH, arranged
-from drivers.sim.twins.screen import ScreenTwin
-from missions.testing.recorders.screen import RecordedScreen
+from drivers.screen.twin import ScreenTwin
+from missions.plugins.testing.recorders.bench import RecordedScreen
 
 CALM = 2.3
 """A time at which nobody blinks."""

@@ -17,9 +17,8 @@ import pytest
 
 from drivers.api import DeviceStatus, Image, Mood, Shown
 from drivers.clock import SystemClock
-from drivers.screen.drawing import draw
+from drivers.screen.drawing import draw, frame
 from drivers.screen.expression import expression
-from drivers.screen.frame import frame
 from drivers.screen.pages import PageScreen, numbers
 from drivers.screen.server import LISTENERS, TALKS, Talks
 from tests.browser import Browser, Tab

@@ -12,13 +12,13 @@ from random import Random
 import pytest
 
 from drivers.api import DeviceStatus, HeadPose
-from drivers.arduino.axis import ServoAxis
-from drivers.arduino.memory import Memory
 from drivers.errors import DriverError
-from drivers.keeper import wire
-from drivers.keeper.head import SURE, KeeperHead
-from drivers.pantilt import CATCH_UP
+from drivers.head.axis import ServoAxis
+from drivers.head.guardian_head import SURE, KeeperHead
+from drivers.head.memory import Memory
+from drivers.head.pantilt import CATCH_UP
 from drivers.sim.timeline import Timeline
+from drivers.transport import guardian_wire
 from tests.drivers.cranked import HandWire, pass_until
 from tests.drivers.damaged import MISHAPS, Damaged
 from tests.tries import tries
@@ -56,7 +56,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class Board:
     """A ``drivers.virtual.terminal.WireDevice``: the sketch as it runs. ``sent`` is all that its servos got."""
 
-    baud = wire.BAUD
+    baud = guardian_wire.BAUD
 
     def __init__(self, program: Path) -> None:
         self._program = program
@@ -170,10 +170,12 @@ def test_it_sends_its_servos_nowhere_before_it_is_asked_and_then_where_it_is_ask
 
 def test_its_watchdog_stops_the_ramp_that_nobody_leads_on(bench: Bench) -> None:
     bench.start().looks(0)
-    (report,) = {wire.read(line) for line in bench.board.feed(wire.ASK, bench.clock.now()).splitlines()}
-    assert isinstance(report, wire.Report)
+    (report,) = {
+        guardian_wire.read(line) for line in bench.board.feed(guardian_wire.ASK, bench.clock.now()).splitlines()
+    }
+    assert isinstance(report, guardian_wire.Report)
     bench.head.close()
-    bench.board.feed(wire.go(report.boot, 180, 90), bench.clock.now())
+    bench.board.feed(guardian_wire.go(report.boot, 180, 90), bench.clock.now())
     for step in range(100):
         bench.board.poll(bench.clock.now() + 0.02 * step)
     pan, tilt = bench.board.sent[-1]
@@ -186,7 +188,7 @@ def test_what_is_sent_for_the_start_before_moves_nothing(bench: Bench) -> None:
     bench.start().looks(0)
     before = len(bench.board.sent)
     for boot in (0, 1, 31999):
-        bench.board.feed(wire.go(boot, 180, 180), bench.clock.now())
+        bench.board.feed(guardian_wire.go(boot, 180, 180), bench.clock.now())
     bench.passes(1.0)
     assert len(bench.board.sent) == before
 

@@ -12,10 +12,10 @@ import pytest
 from drivers.api import DeviceStatus, Manner, Mouth, Priority
 from drivers.clock import SystemClock
 from drivers.errors import NoReply, NotConnected
-from drivers.voice import engines, partner
-from drivers.voice.cut import Cut
-from drivers.voice.engines import Espeak
-from drivers.voice.player import Player
+from drivers.sound import engines, partner
+from drivers.sound.cut import Cut
+from drivers.sound.engines import Espeak
+from drivers.sound.player import Player
 from drivers.voice.speech import SpeechVoice
 from tests.cases import each
 from tests.waiting import wait_until
@@ -333,7 +333,7 @@ def test_closed_in_the_middle_of_words_nothing_is_left_and_opened_again_it_speak
     room: Room, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # What is said while its program starts for longer than this is printed: on a busy machine it does.
-    monkeypatch.setattr("drivers.voice.partner.START", 60.0)
+    monkeypatch.setattr("drivers.sound.partner.START", 60.0)
     words = room.voice.say(LONG)
     wait_until(lambda: words.started is not None)
     processes = [room.process(room.engine), room.process(room.player)]

@@ -19,20 +19,20 @@ from hypothesis import strategies as st
 from drivers.api import AS_USUAL, DeviceStatus, Manner, Mouth, MouthShape
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest, DeviceFault, NoReply
-from drivers.pipe import Message, Unframer, Worker, frame
-from drivers.voice import espeak_worker, sound_worker
-from drivers.voice.cut import Cut
-from drivers.voice.engines import Espeak, Piper
+from drivers.sound import espeak_worker, sound_worker
+from drivers.sound.cut import Cut
+from drivers.sound.engines import Espeak, Piper
+from drivers.sound.manner import espeak_name, filled
+from drivers.sound.player import Player
+from drivers.sound.printed import PrintedVoice
+from drivers.sound.program import Ran, Speaker, Synthesiser, run
+from drivers.sound.protocol import PIECE, Speech, pieces, request, speech
+from drivers.sound.sound_worker import Queue
+from drivers.sound.sounds import checked, length_of
+from drivers.sound.spoken import movement, shape_of
+from drivers.transport.pipe import Message, Unframer, Worker, frame
 from drivers.voice.make import Wish, make_voice
-from drivers.voice.manner import espeak_name, filled
-from drivers.voice.player import Player
-from drivers.voice.printed import PrintedVoice
-from drivers.voice.program import Ran, Speaker, Synthesiser, run
-from drivers.voice.protocol import PIECE, Speech, pieces, request, speech
-from drivers.voice.sound_worker import Queue
-from drivers.voice.sounds import checked, length_of
 from drivers.voice.speech import SpeechVoice
-from drivers.voice.spoken import movement, shape_of
 from tests.cases import each
 from tests.waiting import wait_until
 

@@ -7,8 +7,8 @@ from threading import Event
 import pytest
 import serial
 
+from drivers.arduino.virtual import VirtualRodney
 from drivers.clock import ManualClock, SystemClock
-from drivers.virtual.rodney import VirtualRodney
 from drivers.virtual.terminal import Punctual, Terminal, Tunable, agree
 
 

@@ -10,27 +10,27 @@ import numpy as np
 import pytest
 
 from drivers.api import COMMAND_LIFE, STILL, DeviceStatus, HeadPose, Health, Image, Pose2D, Quality, Sides, Velocity
-from drivers.arduino.axis import ServoAxis
 from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
+from drivers.arduino.twin import HeadTwin
+from drivers.arduino.virtual import VirtualRodney
+from drivers.base.twin import BaseTwin
+from drivers.camera.twin import CameraTwin
 from drivers.clock import ManualClock
-from drivers.dynamixel.joint import JointSpec
 from drivers.errors import BadRequest, NotConnected
+from drivers.head.axis import ServoAxis
 from drivers.kobuki.driver import KobukiBase
 from drivers.kobuki.odometry import battery_percent
-from drivers.link import Link, Talker
+from drivers.kobuki.virtual import VirtualKobuki
+from drivers.servos.joint import JointSpec
+from drivers.servos.twin import JointsTwin
 from drivers.sim.body import Body
+from drivers.sim.plug import Plug
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins.base import BaseTwin
-from drivers.sim.twins.camera import CameraTwin
-from drivers.sim.twins.head import HeadTwin
-from drivers.sim.twins.joints import JointsTwin
-from drivers.sim.twins.plug import Plug
-from drivers.sim.twins.voice import VoiceTwin
 from drivers.sim.wheels import Wheels
-from drivers.virtual.kobuki import VirtualKobuki
-from drivers.virtual.rodney import VirtualRodney
+from drivers.transport.link import Link, Talker
 from drivers.virtual.terminal import WireDevice
+from drivers.voice.twin import VoiceTwin
 
 PAN = ServoAxis(0, radians(-80), radians(80), start=90)
 TILT = ServoAxis(1, radians(-60), radians(20), flip=True, start=120, trim=radians(3))
@@ -501,11 +501,11 @@ def test_a_camera_that_makes_no_sense_is_refused(wrong: dict[str, float]) -> Non
 STORY = """
 import hashlib, sys
 from drivers.api import Velocity
-from drivers.dynamixel.joint import JointSpec
+from drivers.servos.joint import JointSpec
 from drivers.sim.body import Body
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins.base import BaseTwin
-from drivers.sim.twins.joints import JointsTwin
+from drivers.base.twin import BaseTwin
+from drivers.servos.twin import JointsTwin
 from drivers.sim.wheels import Wheels
 
 timeline, told = Timeline(), []

@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.dynamixel import tables as m
-from drivers.dynamixel.models import MODELS, Model
-from drivers.dynamixel.register import Register
-from drivers.dynamixel.wire import BROADCAST, Fault, Instruction, Packet, Parser, request
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.servo import VirtualServo
+from drivers.servos import tables as m
+from drivers.servos.models import MODELS, Model
+from drivers.servos.register import Register
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
+from drivers.servos.wire import BROADCAST, Fault, Instruction, Packet, Parser, request
 from tests.drivers.chains import chain, mixed_chain
 
 OLD = [model for model in MODELS.values() if model.protocol == 1]

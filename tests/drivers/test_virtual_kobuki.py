@@ -6,6 +6,7 @@ from random import Random
 import pytest
 
 from drivers.api import BASE_RADIUS, DockBeam, Lamp, Pose2D, Sides, Tune, Velocity
+from drivers.base.twin import BaseTwin
 from drivers.clock import ManualClock
 from drivers.kobuki import commands
 from drivers.kobuki.commands import BaseControl, GetGains, Output, SetGains, SetOutputs, Sound, SoundSequence
@@ -19,15 +20,13 @@ from drivers.kobuki.feedback import (
     MotorCurrent,
 )
 from drivers.kobuki.odometry import Senses, battery_percent
+from drivers.kobuki.virtual import PERIOD, VirtualKobuki
 from drivers.kobuki.wire import FrameFinder, Part, decode, encode
 from drivers.sim.battery import RESISTANCE, Battery
-from drivers.sim.dock import SIZE, Dock
 from drivers.sim.room import Room
-from drivers.sim.things import Edge
-from drivers.sim.twins.base import BaseTwin
+from drivers.sim.things import SIZE, Dock, Edge
 from drivers.sim.wheels import Wheels
 from drivers.sim.world import World
-from drivers.virtual.kobuki import PERIOD, VirtualKobuki
 from drivers.virtual.terminal import Punctual
 
 DOCK = Dock(-2.95, 0.0, 0.0)

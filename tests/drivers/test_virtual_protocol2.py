@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.dynamixel import wire
-from drivers.dynamixel.models import MODELS, Model
-from drivers.dynamixel.tables import TABLE_X, TABLE_X_CURRENT
-from drivers.dynamixel.wire import BROADCAST, Fault, Packet
-from drivers.dynamixel.wire2 import ALERT, STATUS, Error, Instruction, Parser, crc, request
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.obey2 import FAST_BULK_READ, FAST_SYNC_READ, FORGET_TURNS
-from drivers.virtual.servo import VirtualServo
+from drivers.servos import wire
+from drivers.servos.models import MODELS, Model
+from drivers.servos.tables import TABLE_X, TABLE_X_CURRENT
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.obey2 import FAST_BULK_READ, FAST_SYNC_READ, FORGET_TURNS
+from drivers.servos.virtual.servo import VirtualServo
+from drivers.servos.wire import BROADCAST, Fault, Packet
+from drivers.servos.wire2 import ALERT, STATUS, Error, Instruction, Parser, crc, request
 from tests.drivers.chains import chain, mixed_chain
 
 NEW = [model for model in MODELS.values() if model.protocol == 2]

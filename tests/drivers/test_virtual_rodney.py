@@ -3,9 +3,9 @@
 import pytest
 
 from drivers.arduino import wire
-from drivers.arduino.axis import STARTS
+from drivers.arduino.virtual import ATTACHED, VirtualRodney
+from drivers.head.axis import STARTS
 from drivers.sim.servo import SERVO_SPEED
-from drivers.virtual.rodney import ATTACHED, VirtualRodney
 
 
 def command(index: int, angle: int) -> bytes:

@@ -11,9 +11,9 @@ import pytest
 from drivers.api import DeviceStatus, Manner, Priority, Voice, ignore
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NotConnected
-from drivers.voice.player import Player
-from drivers.voice.printed import PrintedVoice
-from drivers.voice.program import Speaker, Synthesiser, find_synthesiser
+from drivers.sound.player import Player
+from drivers.sound.printed import PrintedVoice
+from drivers.sound.program import Speaker, Synthesiser, find_synthesiser
 from drivers.voice.speech import SpeechVoice
 from tests.cases import each
 from tests.waiting import wait_until

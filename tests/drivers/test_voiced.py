@@ -5,10 +5,10 @@ import pytest
 from drivers.api import DeviceStatus, Manner
 from drivers.clock import SystemClock
 from drivers.errors import NoReply
+from drivers.microphone.virtual import VoicedMicrophone
 from drivers.sim.acts import Reply
-from drivers.virtual.voiced import VoicedMicrophone
-from drivers.voice.cut import Cut
-from drivers.voice.protocol import Speech
+from drivers.sound.cut import Cut
+from drivers.sound.protocol import Speech
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.real_time

@@ -8,12 +8,12 @@ import pytest
 
 from drivers.api import DeviceStatus, Velocity
 from drivers.base.reckoning import Reckoning, TwoWheels
-from drivers.lines import LineFinder
 from drivers.sim.body import Body
 from drivers.sim.timeline import Timeline
-from drivers.virtual.waveshare import VOLTS, VirtualWaveshare
+from drivers.transport.lines import LineFinder
 from drivers.waveshare import wire
 from drivers.waveshare.driver import HEARTBEAT, WaveshareBase
+from drivers.waveshare.virtual import VOLTS, VirtualWaveshare
 from tests.drivers.cranked import HandWire, pass_until
 from tests.drivers.fault_injection import FaultInjection
 from tests.tries import tries

@@ -14,8 +14,8 @@ from random import Random
 from drivers.api import STILL, Velocity
 from drivers.errors import DriverError
 from drivers.kobuki.driver import KobukiBase
+from drivers.kobuki.virtual import VirtualKobuki
 from drivers.sim.timeline import Timeline
-from drivers.virtual.kobuki import VirtualKobuki
 from tests.drivers.cranked import HandWire
 from tests.tries import tries
 

@@ -10,11 +10,11 @@ from config.robot import robot_of
 from drivers.api import Pose2D, Quality
 from drivers.sim.stage import Stage
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins.imu import ImuTwin
-from drivers.virtual.witmotion import TOLD, VirtualWitMotion
 from drivers.witmotion import wire
 from drivers.witmotion.driver import STALE_AFTER, WitMotionImu
 from drivers.witmotion.probe import probe
+from drivers.witmotion.twin import ImuTwin
+from drivers.witmotion.virtual import TOLD, VirtualWitMotion
 from missions.library.drivers import Table
 from tests.drivers.cranked import HandWire, pass_until
 

@@ -11,7 +11,7 @@ from drivers.base.footprint import Disc
 from drivers.base.progress_monitor import ProgressMonitor
 from drivers.base.reckoning import Reckoning
 from drivers.base.witnesses import ImuWitness, ScanWitness
-from missions.testing.recorders import Bench
+from missions.plugins.testing.recorders import Bench
 
 PERIOD, BEAMS = 0.1, 360
 AHEAD, LEFT = Velocity(0.2, 0.0), Velocity(0.0, 0.6)

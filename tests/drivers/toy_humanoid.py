@@ -1,9 +1,7 @@
 """ROBOTIS' OP3 as physics know it, by the figures of its public model; and what is sent to its servos."""
 
-from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.motor import motor_of
-from drivers.sim.rigid.links import Figure, Floor, Link, Shape
-from drivers.sim.rigid.mjcf import mjcf
+from drivers.servos.models import MODELS, motor_of
+from drivers.sim.rigid.links import Figure, Floor, Link, Shape, mjcf
 from drivers.sim.rigid.scene import Scene
 
 MOTOR = motor_of(MODELS["XM430-W350"])

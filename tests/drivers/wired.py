@@ -1,9 +1,9 @@
 """A line without a port whose baud rate matters: what it was set to, and what its adapter cannot do."""
 
 from drivers.clock import ManualClock
-from drivers.dynamixel.bus import Bus
 from drivers.errors import NotConnected
-from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.servos.bus import Bus
+from drivers.servos.virtual.chain import VirtualServoBus
 from tests.drivers.lines import DirectLine
 
 

@@ -3,10 +3,10 @@
 from contextlib import suppress
 from pathlib import Path
 
-from missions.records.recording.faults import InvalidRecordError
-from missions.records.recording.read import open_record
-from missions.studio.searching import search
-from missions.studio.sockets import connect, path_of, socket_folder
+from missions.control.searching import search
+from missions.control.sockets import connect, path_of, socket_folder
+from missions.plugins.records.recording.faults import InvalidRecordError
+from missions.plugins.records.recording.read import open_record
 from tests.forked import Forked
 
 MARK = "MISSION_KILLED"

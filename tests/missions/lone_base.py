@@ -14,7 +14,7 @@ from pathlib import Path
 from subprocess import PIPE
 
 from drivers.clock import SystemClock
-from drivers.virtual.kobuki import VirtualKobuki
+from drivers.kobuki.virtual import VirtualKobuki
 from drivers.virtual.terminal import Terminal
 from tests.forked import Forked
 

@@ -14,10 +14,10 @@ from dataclasses import asdict, dataclass, field
 from math import radians, sin
 from subprocess import PIPE
 
+from drivers.arduino.virtual import VirtualRodney
 from drivers.clock import SystemClock
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.rodney import VirtualRodney
-from drivers.virtual.servo import VirtualServo
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal, WireDevice
 from tests.forked import Forked
 

@@ -16,13 +16,13 @@ from typing import Self
 import pytest
 
 from drivers.clock import ManualClock
-from drivers.dynamixel import wire, wire2
-from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.units import baud_code
-from drivers.dynamixel.wire import BROADCAST, Packet
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.servo import VirtualServo
+from drivers.servos import wire, wire2
+from drivers.servos.bus import Bus
+from drivers.servos.models import MODELS
+from drivers.servos.units import baud_code
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
+from drivers.servos.wire import BROADCAST, Packet
 from drivers.virtual.terminal import agree
 from tests.drivers.fault_injection import FaultInjection
 from tests.drivers.lines import DirectLine
@@ -220,12 +220,12 @@ class Table:
         self.questions = 0
         self._turns = 0
         Path("bus.yaml").write_text(case.file)
-        bench = "missions.cli.servo.bench"
+        bench = "missions.plugins.setup.servo.bench"
         patch.setattr(f"{bench}.Bus", partial(Bus, dial=self.line.dial))
         patch.setattr(f"{bench}.SystemClock", lambda: self.clock)
         for module in ("bench", "until", "drive"):
-            patch.setattr(f"missions.cli.servo.{module}.pause", self.pause)
-        patch.setattr("missions.cli.servo.until.Keys", self.keys)
+            patch.setattr(f"missions.plugins.setup.servo.{module}.pause", self.pause)
+        patch.setattr("missions.plugins.setup.servo.until.Keys", self.keys)
         patch.setattr("sys.stdin", Typing())
         patch.setattr("click.confirm", self.confirm)
 

@@ -14,7 +14,7 @@ from drivers.errors import BadRequest, DeviceFault, DriverError, NotConnected
 from missions.executive.answers import Answers
 from missions.executive.asked import asked
 from missions.executive.tick_record import Answer
-from missions.testing.recorders import Bench, good
+from missions.plugins.testing.recorders import Bench, good
 
 FORWARD = Velocity(0.2, 0.0)
 LEFT = HeadPose(0.5, 0.0)

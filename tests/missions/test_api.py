@@ -17,7 +17,7 @@ from behaviours.robot import Robot
 from drivers.errors import BadRequest
 from missions.executive.events import CommandSent, Ended, Event, NodeChanged, Started, Ticked
 from missions.executive.executive import Result
-from missions.testing.recorders import STOP, Bench
+from missions.plugins.testing.recorders import STOP, Bench
 from tests.missions.command import PATIENCE, command
 from tests.missions.lone_base import LONE_ROBOT, lone_base
 from tests.missions.studio.running import DRIVING, WAITING, found_of

@@ -7,9 +7,9 @@ from pathlib import Path
 import cv2
 import pytest
 
-from drivers.camera.devices import CSI_TROUBLE, CameraDevice
-from missions.cli import camera
+from drivers.finding.video import CSI_TROUBLE, CameraDevice
 from missions.library.drivers import load_robot
+from missions.plugins.setup import camera
 from perception.geometry import Pinhole
 from tests.missions.command import Outcome, command
 from tests.perception.boards import LENS, POSES, drawn

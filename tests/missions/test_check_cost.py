@@ -19,8 +19,8 @@ from missions.language.guards import actions_as_guards
 from missions.language.nodes import COMPOSITES, MODIFIERS
 from missions.language.plan import Plan
 from missions.library.things import THINGS
-from missions.testing.verify.explore import Space
-from missions.testing.verify.model import Model
+from missions.plugins.verify.explore import Space
+from missions.plugins.verify.model import Model
 
 FEW, MANY = 40, 160
 

@@ -9,7 +9,7 @@ from behaviours.catalogue import LEAVES
 from config.faults import InvalidFileError
 from missions.library.catalogue import example, kind_of
 from missions.library.shipped import load_mission
-from missions.schema.values import written
+from missions.plugins.schema.values import written
 
 
 def mission(folder: Path, step: str) -> Path:

@@ -14,7 +14,7 @@ from config.library import shipped
 from config.world import WorldConfig, load_world
 from drivers.api import Pose2D
 from missions.executive.executive import Result
-from missions.order import RunRequest
+from missions.request import RunRequest
 from missions.runner import Runner
 
 ARM = "turtlebot2_arm"

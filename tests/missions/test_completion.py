@@ -16,7 +16,7 @@ from config.library import find, shipped
 from missions.cli.completion import script
 from missions.cli.names import BEHAVIOUR, CONTROLLER, GESTURE, MISSION, ROBOT, SHOWN, WORLD, Name, Params
 from missions.cli.root import COMPLETING, mission
-from missions.studio.holders import noted
+from missions.control.holders import noted
 from tests.missions.command import Outcome, command
 from tests.missions.test_help import ALL
 

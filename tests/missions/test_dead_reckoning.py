@@ -6,7 +6,7 @@ import pytest
 
 import missions
 from missions.executive.events import Event, Logged, NodeChanged
-from missions.order import RunRequest
+from missions.request import RunRequest
 from missions.runner import Runner
 
 DRIVE = """\

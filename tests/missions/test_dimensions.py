@@ -9,7 +9,7 @@ from config.faults import InvalidFileError, Source
 from missions.language.document import check_plan, load_plan
 from missions.library.shipped import find_mission
 from missions.library.things import THINGS
-from missions.testing.ran import run_mission
+from missions.plugins.testing.ran import run_mission
 
 HEAD = """\
 mission: m

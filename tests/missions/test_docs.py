@@ -24,11 +24,11 @@ from missions.library.drivers import load_robot
 from missions.library.shipped import find_mission, load_mission
 from missions.library.things import THINGS
 from missions.library.worlds import build_world
-from missions.schema.mission import known_things, mission_schema
-from missions.testing.play import play
-from missions.testing.recorders import Bench
-from missions.testing.stage import IN_PROCESS
-from missions.testing.suite import load_suite
+from missions.plugins.schema.mission import known_things, mission_schema
+from missions.plugins.testing.play import play
+from missions.plugins.testing.recorders import Bench
+from missions.plugins.testing.stage import IN_PROCESS
+from missions.plugins.testing.suite import load_suite
 from tests.missions.command import Outcome, command
 from tests.missions.test_schema import plain
 

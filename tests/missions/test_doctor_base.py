@@ -10,9 +10,9 @@ import pytest
 
 from behaviours.leaf import RUNNING, SUCCESS
 from drivers.api import Pose2D
-from missions.cli.doctor.base_trial import TURN, WAY, TryBase
-from missions.cli.doctor.base_verdict import SeenMotion, encoder_fault, judge
-from missions.testing.recorders import Bench
+from missions.plugins.setup.doctor.base_trial import TURN, WAY, TryBase
+from missions.plugins.setup.doctor.base_verdict import SeenMotion, encoder_fault, judge
+from missions.plugins.testing.recorders import Bench
 from tests.contract.test_base_contract import BaseRig, TwinBase, WireBase
 from tests.contract.test_plain_base_contract import Twin, WaveRover, Waveshare
 from tests.contract.test_ros2_base_contract import Topics

@@ -13,21 +13,19 @@ import click
 import pytest
 
 from config.defaults import config_folder
-from drivers.api.driver import Driver, Site
-from drivers.api.findings import Finding
+from drivers.api.driver import Driver, Finding, Site
 from drivers.kobuki.commands import COMMANDS, RequestExtra
+from drivers.kobuki.virtual import VirtualKobuki
 from drivers.kobuki.wire import FrameFinder, decode
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.kobuki import VirtualKobuki
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.patient_clock import PatientClock
-from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal, WireDevice
-from missions.assembly.checkup import Checked
-from missions.assembly.installed import own_folders
 from missions.assembly.lags import ENOUGH, Lags
-from missions.cli.doctor.report import anonymous, report, secrets
 from missions.library.drivers import load_robot
 from missions.library.folders import checkup_file
+from missions.plugins.setup.checkup import Checked, own_folders
+from missions.plugins.setup.doctor.report import anonymous, report, secrets
 from tests.drivers.desks import RecordedMachine, sent_instructions
 from tests.missions.command import Outcome, command
 from tests.missions.test_help import FILES, parsed
@@ -74,7 +72,7 @@ def servos() -> list[VirtualServo]:
 def clock(monkeypatch: pytest.MonkeyPatch) -> PatientClock:
     """The command's clock, which waits for the virtual devices."""
     clock = PatientClock()
-    monkeypatch.setattr("missions.cli.doctor.SystemClock", lambda: clock)
+    monkeypatch.setattr("missions.plugins.setup.doctor.SystemClock", lambda: clock)
     return clock
 
 
@@ -290,7 +288,7 @@ def test_what_is_known_to_be_secret_is_that_of_this_machine(
 def cures() -> Iterator[tuple[str, str]]:
     """Yield every `mission ...` in the texts of what looks at machines and devices, with its file."""
     files = [*ROOT.glob("drivers/*/checkup.py"), *ROOT.glob("drivers/*/probe.py"), *ROOT.glob("drivers/finding/*.py")]
-    files += [ROOT / "missions/assembly/checkup.py", *ROOT.glob("missions/cli/doctor/*.py")]
+    files += [ROOT / "missions/plugins/setup/checkup.py", *ROOT.glob("missions/plugins/setup/doctor/*.py")]
     for file in files:
         tree = ast.parse(file.read_text())
         documentation = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}

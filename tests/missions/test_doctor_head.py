@@ -12,14 +12,14 @@ import pytest
 
 from config.faults import Source
 from drivers.api import Image
-from drivers.api.findings import Finding
-from missions.cli.doctor.head_trial import POSES, WIDTH, PictureLog, TryHead, small
-from missions.cli.doctor.head_verdict import judge
+from drivers.api.driver import Finding
 from missions.language.document import check_plan
 from missions.library.drivers import load_robot
 from missions.library.target import target_of
 from missions.library.things import THINGS
-from missions.order import RunRequest
+from missions.plugins.setup.doctor.head_trial import POSES, WIDTH, PictureLog, TryHead, small
+from missions.plugins.setup.doctor.head_verdict import judge
+from missions.request import RunRequest
 from missions.runner import Runner
 from tests.tries import tries
 

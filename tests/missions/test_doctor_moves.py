@@ -10,16 +10,15 @@ from pathlib import Path
 import pytest
 
 from behaviours.leaf import FAILURE, SUCCESS
-from drivers.dynamixel.make import VIRTUAL_REPLY_TIMEOUT
-from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.servos.make import VIRTUAL_REPLY_TIMEOUT
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.patient_clock import PatientClock
-from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
-from missions.assembly.checkup import Checked
-from missions.cli.doctor.moving import trials, tried
-from missions.cli.doctor.nudge import WAY, Nudge
 from missions.library.drivers import load_robot
-from missions.testing.recorders import Bench
+from missions.plugins.setup.checkup import Checked
+from missions.plugins.setup.doctor.moving import WAY, Nudge, trials, tried
+from missions.plugins.testing.recorders import Bench
 from tests.behaviours.servo_arm import moves, play, with_servos
 from tests.missions.command import command
 
@@ -82,7 +81,7 @@ def test_every_part_that_moves_is_tried_and_a_further_head_by_its_name() -> None
 def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
     """An arm of two servos, and its robot file in this folder."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("drivers.dynamixel.make.REPLY_TIMEOUT", VIRTUAL_REPLY_TIMEOUT)  # it shares this processor
+    monkeypatch.setattr("drivers.servos.make.REPLY_TIMEOUT", VIRTUAL_REPLY_TIMEOUT)  # it shares this processor
     Path("kit.yaml").write_text(ROBOT)
     servos = VirtualServoBus([VirtualServo(1), VirtualServo(2)])
     clock = PatientClock()

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import SystemClock
-from drivers.ports import open_port
-from drivers.virtual.kobuki import VirtualKobuki
+from drivers.kobuki.virtual import VirtualKobuki
+from drivers.transport.ports import open_port
 from drivers.virtual.terminal import Terminal
-from missions.order import RunRequest
+from missions.request import RunRequest
 from missions.runner import Runner
 from tests.missions.command import Process
 from tests.waiting import wait_until

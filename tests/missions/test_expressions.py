@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from config.units import Quantity
 from missions.language.expressions import MAX_LENGTH, MAX_NESTING, TOO_DEEP, ExpressionError, parse
+from missions.language.kinds import RESERVED
 from missions.language.operators import MAX_TEXT
-from missions.language.spelling import RESERVED
 
 DEEP = (
     "-" * (MAX_LENGTH - 1) + "1",

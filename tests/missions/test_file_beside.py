@@ -6,9 +6,8 @@ import pytest
 
 import missions
 from missions.library.shipped import find_mission, shipped_missions
-from missions.studio.library import names_of
-from missions.testing.files import named_tests
-from missions.testing.suite import load_suite
+from missions.plugins.studio.library import names_of
+from missions.plugins.testing.suite import load_suite, named_tests
 from tests.missions.command import command
 
 OWN = "mission: wander\ntree: {log: mine}\n"

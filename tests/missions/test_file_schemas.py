@@ -19,8 +19,8 @@ from config.marked import compose, read_source
 from config.world import read_world
 from missions.library.drivers import robot_of
 from missions.library.shipped import shipped_missions
-from missions.schema.files import KINDS, file_schema
-from missions.testing.suite import beside
+from missions.plugins.schema.files import KINDS, file_schema
+from missions.plugins.testing.suite import beside
 from tests.config.test_move_file import WHOLE as A_MOVE
 from tests.missions.command import command
 from tests.missions.test_schema import VALIDATOR as MISSIONS

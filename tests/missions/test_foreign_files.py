@@ -9,15 +9,15 @@ import pytest
 
 from config.faults import InvalidFileError, Source
 from config.library import SHEETS, wrong_kind
-from drivers.dynamixel.declared import DynamixelKeys
-from drivers.dynamixel.joining import difference
-from drivers.dynamixel.joint import Joint, JointSpec
-from drivers.dynamixel.models import MODELS
-from drivers.feetech.declared import FeetechKeys
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.servo import VirtualServo
-from missions.hands.moves.load import load_move
+from drivers.servos.declared import DynamixelKeys
+from drivers.servos.feetech import FeetechKeys
+from drivers.servos.joining import difference
+from drivers.servos.joint import Joint, JointSpec
+from drivers.servos.models import MODELS
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from missions.library.drivers import load_robot, robot_of
+from missions.library.moves.load import load_move
 from tests.drivers.lines import direct_bus
 from tests.missions.command import Outcome, command
 

@@ -12,7 +12,7 @@ from drivers.legs.declared import LegsKeys
 from drivers.legs.kinematics import forward
 from missions.library import things
 from missions.library.drivers import robot_named
-from missions.testing.ran import Ran, run_mission
+from missions.plugins.testing.ran import Ran, run_mission
 
 MISSION = "mission: up\ntree:\n  sequence:\n    - wait: 4.5 s\n    - fallen:\n{steps}"
 PUSHED = "world: rough\nphysics: {{friction: {friction}, masses: 5 %, servo_delay: {delay} ms, {push}}}\n"

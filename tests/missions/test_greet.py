@@ -14,7 +14,7 @@ import pytest
 
 from missions.executive.events import CommandSent, Event, FaultRaised, Logged, NodeChanged, PerceptSeen, Started
 from missions.executive.executive import Result
-from missions.order import RunRequest
+from missions.request import RunRequest
 from missions.runner import Runner
 from tests.footage import FOOTAGE
 

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from py_trees.common import Status
 
+from behaviours.driving.motion import Drive
 from behaviours.driving.stop import Stop
-from behaviours.driving.straight import Drive
 from drivers.api import BaseState, Pose2D, Reflexes, Sides, Source, Steering, Velocity
 from drivers.errors import NotConnected
 from missions.executive.events import Event, NodeChanged, ReflexFired, Ticked
@@ -15,7 +15,7 @@ from missions.executive.executive import HALT_TIME, Executive
 from missions.executive.guard import CONFIRM, CONTACTS, REFLEXES, Guard
 from missions.executive.state import state_of
 from missions.executive.stream import Stream
-from missions.testing.recorders import STOP, Bench, good, none, stale
+from missions.plugins.testing.recorders import STOP, Bench, good, none, stale
 
 REST = BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0), battery_percent=80.0)
 STILL = Velocity(0.0, 0.0)

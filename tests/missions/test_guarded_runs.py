@@ -15,13 +15,13 @@ from config.world import WorldConfig, load_world
 from drivers.api import Source, Velocity
 from drivers.sim.world import World
 from missions.assembly.together import with_carriers
+from missions.control.commands import Drive
+from missions.control.wheels import Wheels
 from missions.executive.events import FaultRaised
 from missions.executive.executive import Result
 from missions.library.drivers import load_robot
-from missions.order import RunRequest
+from missions.request import RunRequest
 from missions.runner import Runner
-from missions.studio.commands import Drive
-from missions.studio.wheels import Wheels
 
 RADIUS = 0.177
 

@@ -3,9 +3,9 @@
 import pytest
 
 from drivers.clock import ManualClock
-from drivers.voice.printed import PrintedVoice
+from drivers.sound.printed import PrintedVoice
 from missions.assembly.duplex import ECHO, HalfDuplex
-from missions.testing.recorders import Bench
+from missions.plugins.testing.recorders import Bench
 
 
 def test_sound_is_its_own_from_the_first_word_until_the_echo_has_gone() -> None:

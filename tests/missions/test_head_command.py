@@ -16,14 +16,14 @@ import pytest
 
 from config.library import find
 from drivers.arduino.declared import ArduinoKeys
+from drivers.arduino.virtual import VirtualRodney
 from drivers.errors import BadRequest
 from drivers.virtual.patient_clock import PatientClock
-from drivers.virtual.rodney import VirtualRodney
 from drivers.virtual.terminal import Terminal
 from missions.assembly.lags import ENOUGH
 from missions.cli.keys import Keys, interruptible
-from missions.cli.trimming import trim_by_hand
 from missions.library.drivers import load_robot
+from missions.plugins.setup.head import trim_by_hand
 from tests.missions.command import Outcome, command
 from tests.waiting import wait_until
 
@@ -102,7 +102,7 @@ def test_a_board_that_nobody_knows_is_warned_of_before_its_head_moves(
     terminal = Terminal("teensy", board, clock)
     terminal.open()
     try:
-        monkeypatch.setattr("missions.cli.head.click.echo", noted)
+        monkeypatch.setattr("missions.plugins.setup.head.click.echo", noted)
         at = ("--robot", "mine.yaml", "--port", terminal.path)
         assert mission(*words, *at).code == 0
         warnings = [count for text, count in told if "the first movement may leap\n  try: keep clear of it now" in text]

@@ -7,7 +7,7 @@ from click.testing import CliRunner, Result
 
 from config.faults import InvalidFileError
 from drivers.errors import BadRequest, NoReply, NotConnected
-from missions.cli.hear import command
+from missions.plugins.setup.hear import command
 from tests.missions.spoken import record
 
 pytest.importorskip("pocketsphinx")
@@ -84,7 +84,7 @@ def test_phrases_may_be_params_and_stand_in_leaves_of_ones_own(wav: Path, tmp_pa
 def test_without_its_recogniser_it_says_how_to_get_that_one(
     recogniser: str, wav: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("missions.cli.hear.RECOGNITION_TIMEOUT", 0.5)
+    monkeypatch.setattr("missions.plugins.setup.hear.RECOGNITION_TIMEOUT", 0.5)
     robot = tmp_path / "r.yaml"
     robot.write_text(f"robot: r\nmicrophone: {{recogniser: {recogniser}, model: none}}\n", encoding="utf-8")
     error = hear("--for", "yes", "--robot", str(robot), "--wav", str(wav)).exception

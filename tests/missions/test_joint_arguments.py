@@ -18,7 +18,7 @@ from missions.language.plan import Step
 from missions.library.drivers import load_robot
 from missions.library.target import target_of
 from missions.library.things import THINGS
-from missions.testing.recorders import Bench
+from missions.plugins.testing.recorders import Bench
 
 HUMANOID = target_of(load_robot(shipped("robots")["humanoid"]))
 ELBOW = "left_elbow"

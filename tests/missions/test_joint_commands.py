@@ -5,10 +5,10 @@ from collections.abc import Iterator, Mapping
 import pytest
 
 from drivers.api import Coupling, Device, Joints
-from drivers.dynamixel.joint import JointSpec
 from drivers.errors import BadRequest
+from drivers.servos.joint import JointSpec
+from drivers.servos.twin import JointsTwin
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins.joints import JointsTwin
 from missions.executive.answers import Answers
 from missions.executive.proxy import for_leaf, proxied
 

@@ -13,15 +13,15 @@ from py_trees.common import Status
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.robot import Robot
 from drivers.api import Pose2D, Sides
-from drivers.virtual.kobuki import VirtualKobuki
+from drivers.kobuki.virtual import VirtualKobuki
 from missions.cli.motion import MOTIONS
 from missions.executive.build import build
 from missions.executive.events import CommandSent, Event, Logged, NodeChanged
 from missions.executive.executive import Result
 from missions.library.shipped import load_mission, shipped_missions
-from missions.order import RunRequest, Simulate
+from missions.plugins.testing.recorders import STOP, Bench, good
+from missions.request import RunRequest, Simulate
 from missions.runner import Runner
-from missions.testing.recorders import STOP, Bench, good
 from tests.behaviours.test_base import REPORT, LaggingBase
 from tests.missions.command import command
 

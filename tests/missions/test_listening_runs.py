@@ -8,8 +8,8 @@ import missions
 from missions.assembly import simulated_hearing
 from missions.executive.events import Event, FaultRaised, Logged, NodeChanged
 from missions.library.shipped import load_mission
-from missions.order import RunRequest
-from missions.records.replay.rerun import rerun
+from missions.plugins.records.replay.rerun import rerun
+from missions.request import RunRequest
 from tests.missions.records.replay.past import past_of
 from tests.missions.spoken import record
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 
 from drivers.errors import BadRequest
-from missions.cli import memory
+from missions.cli import root
 from missions.cli.root import USAGE, guarded
 
 LIMIT = 64 << 20
@@ -63,13 +63,13 @@ class Mute(Exception):
 
 @pytest.mark.parametrize("error", [KeyError("memory"), ImportError("No module named 'x'"), OSError(2, "none"), Mute()])
 def test_no_other_error_is_taken_for_that(error: Exception) -> None:
-    assert memory.shortage(error) == ""
+    assert root.shortage(error) == ""
 
 
 def test_without_a_limit_a_lack_of_threads_is_none_of_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(resource, "getrlimit", lambda _: (resource.RLIM_INFINITY,) * 2)
-    assert memory.shortage(RuntimeError("can't start new thread")) == ""
-    assert memory.advice(memory.limit()).startswith("free -m")
+    assert root.shortage(RuntimeError("can't start new thread")) == ""
+    assert root.advice(root.limit()).startswith("free -m")
 
 
 @pytest.mark.parametrize("megabytes", [60, 120, 250, 400, 600])  # with less, Python itself logs tracebacks

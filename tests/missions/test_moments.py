@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from py_trees.common import Status
 
-from behaviours.driving.straight import Drive
+from behaviours.driving.motion import Drive
 from behaviours.leaf import Leaf
 from behaviours.robot import Robot
 from behaviours.run import Run
@@ -22,10 +22,10 @@ from missions.executive.frozen_tick import SAMPLE_EVERY
 from missions.executive.guard import Guard
 from missions.executive.stream import Stream
 from missions.executive.tick_record import Answer, TickRecord
-from missions.order import RunRequest
+from missions.plugins.testing.recorders import Bench, good
+from missions.plugins.testing.recorders.bench import RecordedBase
+from missions.request import RunRequest
 from missions.runner import Runner
-from missions.testing.recorders import Bench, good
-from missions.testing.recorders.base import RecordedBase
 
 REST = BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0), battery_percent=80.0)
 PERIOD = 0.05

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from drivers.api import Image
-from missions.cli import movie
-from missions.cli.movie import CODECS, LOOK, Movie
+from missions.plugins.pictures import movie
+from missions.plugins.pictures.movie import CODECS, LOOK, Movie
 from tests.browser import Browser
 from tests.missions.command import command
 

@@ -12,19 +12,19 @@ from config.world import WorldConfig, load_world
 from drivers.api import DeviceStatus
 from missions.assembly.drawn import drawn_gallery
 from missions.assembly.gallery import gallery, recogniser
-from missions.assembly.truth_names import TrueNames
+from missions.assembly.truth import TrueNames
 from missions.executive.events import Event, Logged, PerceptSeen
 from missions.executive.executive import Result
 from missions.library.drivers import load_robot
 from missions.library.interests import Interests, interests_of
 from missions.library.people import People
 from missions.library.shipped import load_mission
-from missions.order import RunRequest
+from missions.request import RunRequest
 from missions.runner import Runner
 from perception.api import UNKNOWN, Box, Detection
 from perception.identity import Look, Nobody
 from perception.people import KnownPeople
-from perception.sighting import Sighting
+from perception.tracks import Sighting
 from tests.perception.people_drawn import pictures
 
 FIND = """

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from config.library import find
-from missions.cli import head_bench
-from missions.order import RunRequest
+from missions.plugins.setup import head_bench
+from missions.request import RunRequest
 from missions.runner import Runner
 from tests.missions.command import Outcome, command
 

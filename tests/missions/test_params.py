@@ -14,7 +14,7 @@ from missions.language.document import check_plan
 from missions.language.plan import Plan
 from missions.library.shipped import load_mission
 from missions.library.things import THINGS
-from missions.testing.ran import run_mission
+from missions.plugins.testing.ran import run_mission
 
 MISSION = """\
 mission: visit

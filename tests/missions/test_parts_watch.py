@@ -8,8 +8,7 @@ from drivers.api import STILL, BaseState, HeadPose, Health, JointState, Pose2D, 
 from drivers.clock import ManualClock
 from missions.executive.events import Event, ReflexFired
 from missions.executive.parts import PartState, PartsWatch
-from missions.testing.recorders.base import RecordedBase
-from missions.testing.recorders.joints import RecordedHead, RecordedJoints
+from missions.plugins.testing.recorders.bench import RecordedBase, RecordedHead, RecordedJoints
 
 
 class Base(RecordedBase):

@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 import pytest
 
-from missions.cli import person
-from missions.cli.person.taking import EVERY, GUIDE, NEARLY, SAME, TOO_SOON, Taking
 from missions.cli.root import guarded
 from missions.library.people import People
+from missions.plugins.setup import person
+from missions.plugins.setup.person.add import EVERY, GUIDE, NEARLY, SAME, TOO_SOON, Taking
 from perception.api import Image
 from perception.faces import HaarFaces
 from tests.missions.command import Outcome
@@ -224,7 +224,7 @@ def test_what_to_do_before_a_camera_is_said_aloud_where_that_is_asked(
 ) -> None:
     said: list[str] = []
     voice = SimpleNamespace(open=lambda: None, say=said.append, close=lambda: said.append("closed"))
-    monkeypatch.setattr(sys.modules["missions.cli.person.add"], "make_voice", lambda *_, **__: voice)
+    monkeypatch.setattr(sys.modules["missions.plugins.setup.person.add"], "make_voice", lambda *_, **__: voice)
     folder = bench.folder / "film"
     folder.mkdir()
     for number, image in enumerate(near("anna") * 5):

@@ -10,9 +10,9 @@ from click.testing import CliRunner
 from drivers.errors import BadRequest
 from drivers.sim.rigid.stick import LEFT
 from missions.cli.root import mission
-from missions.order import RunRequest
+from missions.plugins.testing.ran import Ran, run_mission
+from missions.request import RunRequest
 from missions.runner import Runner
-from missions.testing.ran import Ran, run_mission
 
 WALK = "mission: stroll\ntree:\n  walk: {distance: 0.2 m, velocity: 0.2 m/s}\n"
 PUSHED = "world: rough\nphysics: {friction: 0.7, pushes: [{at: 2 s, speed: 2 m/s, towards: 90 deg}]}\n"

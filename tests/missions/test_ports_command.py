@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from drivers.finding.survey import survey
-from missions.cli.ports import changed_lines, find_out, watch_desk
+from missions.plugins.setup.ports import changed_lines, find_out, watch_desk
 from tests.drivers.desks import RecordedMachine
 from tests.missions.command import Outcome, command
 

@@ -20,8 +20,8 @@ import pytest
 from websockets.exceptions import WebSocketException
 
 from drivers.clock import SystemClock
-from missions.hands.teleop.pilot import MAX_STATE_AGE
-from missions.studio.sockets import linked, path_of
+from missions.control.pilot import MAX_STATE_AGE
+from missions.control.sockets import linked, path_of
 from tests.forked import Forked
 from tests.missions.left import MARK, left_of, marked, nobody_left, readable, writer_of
 from tests.missions.lone_base import LONE_ROBOT, LoneBase, lone_base

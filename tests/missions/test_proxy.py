@@ -18,9 +18,9 @@ from drivers.errors import BadRequest, DeviceFault
 from missions.executive.answers import Answers
 from missions.executive.asked import FIELDS, asked, commands_of, protocol_of, robot_for
 from missions.executive.proxy import for_leaf, proxied
-from missions.records.replay.answering import answering
-from missions.records.replay.memory import Memory
-from missions.testing.recorders.bench import Bench
+from missions.plugins.records.replay.memory import Memory
+from missions.plugins.records.replay.rerun import answering
+from missions.plugins.testing.recorders.bench import Bench
 
 
 class Winch(Device, Protocol):

@@ -15,12 +15,12 @@ from drivers.api import Angles, wrapped
 from drivers.api.kinds import WIRED
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest, NotConnected
-from drivers.sim.twins.ranger import RangerTwin
+from drivers.rplidar.twin import RangerTwin
 from missions.assembly.simulation import Simulation
 from missions.executive.events import Event, Logged
 from missions.executive.state import state_of
 from missions.library.drivers import load_robot
-from missions.order import RunRequest
+from missions.request import RunRequest
 from missions.runner import Runner
 
 MISSION = """\

@@ -23,10 +23,10 @@ from _pytest.mark import ParameterSet
 from missions.cli.root import guarded, mission
 from missions.library.drivers import load_robot
 from missions.library.shipped import load_mission
-from missions.testing.play import play
-from missions.testing.report import failure
-from missions.testing.stage import IN_PROCESS
-from missions.testing.suite import load_suite
+from missions.plugins.testing.play import play
+from missions.plugins.testing.report import failure
+from missions.plugins.testing.stage import IN_PROCESS
+from missions.plugins.testing.suite import load_suite
 from tests.missions.command import Process, command
 from tests.perception.people_drawn import pictures
 

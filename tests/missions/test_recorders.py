@@ -8,7 +8,7 @@ from drivers.api import Base
 from drivers.api.marks import command, commands
 from drivers.clock import ManualClock
 from drivers.errors import NotConnected
-from missions.testing.recorders import RecordedBase
+from missions.plugins.testing.recorders import RecordedBase
 
 
 class Horned(Base, Protocol):

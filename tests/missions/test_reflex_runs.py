@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from drivers.api import Sides
-from drivers.sim.twins.base import BaseTwin
+from drivers.base.twin import BaseTwin
 from missions.cli.live import REFLEXES as SHOWN
 from missions.cli.live import Watcher
 from missions.executive.events import CommandSent, Event, Logged, ReflexFired
 from missions.executive.executive import Result
 from missions.executive.guard import REFLEXES
-from missions.order import RunRequest
+from missions.request import RunRequest
 from missions.runner import Runner
 
 FAR = "drive: {distance: 3 m, speed: 0.2 m/s}"

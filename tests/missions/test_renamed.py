@@ -6,9 +6,9 @@ import pytest
 
 from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import Leaf
-from missions.executive.json_lines import plain
-from missions.records.recording.codec import from_json, to_json
-from missions.testing.recorders import face
+from missions.executive.events import plain
+from missions.plugins.records.recording.codec import from_json, to_json
+from missions.plugins.testing.recorders import face
 from perception.api import Face
 from tests.cases import each
 
@@ -19,9 +19,9 @@ FORMER = (
     ("drivers.api", "unheard", "ignore"),
     ("drivers.api", "unreported", "ignore"),
     ("drivers.api", "unsteered", "ignore"),
-    ("drivers.dynamixel.head", "DynamixelHead", "drivers.joints_head.NeckDriver"),
-    ("missions.order", "Order", "RunRequest"),
-    ("missions.testing.recorders", "Recorder", "Spy"),
+    ("drivers.servos.head", "DynamixelHead", "drivers.head.joints_head.NeckDriver"),
+    ("missions.request", "Order", "RunRequest"),
+    ("missions.plugins.testing.recorders", "Recorder", "Spy"),
 )
 
 

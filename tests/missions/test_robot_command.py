@@ -11,10 +11,10 @@ import pytest
 
 from config.defaults import config_folder, load_defaults
 from config.library import find
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.kobuki import VirtualKobuki
+from drivers.kobuki.virtual import VirtualKobuki
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.patient_clock import PatientClock
-from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal, WireDevice
 from missions.cli.names import names_of
 from tests.drivers.desks import RecordedMachine
@@ -188,7 +188,9 @@ def plugged(desk: RecordedMachine, monkeypatch: pytest.MonkeyPatch) -> Iterator[
         "u2d2": VirtualServoBus([VirtualServo(number) for number in range(1, 9)]),
     }
     clock = PatientClock()
-    monkeypatch.setattr(sys.modules["missions.cli.robot.check"], "SystemClock", lambda: clock)  # a command hides it
+    monkeypatch.setattr(
+        sys.modules["missions.plugins.setup.robot.check"], "SystemClock", lambda: clock
+    )  # a command hides it
     terminals = {name: Terminal(name, device, clock) for name, device in devices.items()}
     for number, (name, terminal) in enumerate(terminals.items()):
         terminal.open()

@@ -11,12 +11,11 @@ from drivers.api import Mood, Mouth, MouthShape
 from drivers.api.driver import Site
 from drivers.clock import SystemClock
 from drivers.screen.declared import PageKeys
+from drivers.screen.make import PrintedScreen, printed
 from drivers.screen.make import page as make_page
-from drivers.screen.make import printed
 from drivers.screen.pages import PageScreen
-from drivers.screen.printed import PrintedScreen
 from missions.assembly.face import OPENINGS, Lips, LivelyScreen
-from missions.testing.recorders import Bench
+from missions.plugins.testing.recorders import Bench
 from tests.missions.command import command
 
 

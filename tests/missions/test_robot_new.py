@@ -25,22 +25,22 @@ from config.library import find
 from config.robot import RobotConfig
 from drivers.api import HeadPose
 from drivers.arduino import wire as rosserial
+from drivers.arduino.virtual import FIRST, VirtualRodney
 from drivers.clock import SystemClock
-from drivers.dynamixel import wire
-from drivers.dynamixel.declared import DynamixelKeys
-from drivers.dynamixel.wire import Instruction
-from drivers.feetech.declared import FeetechKeys
-from drivers.keeper import wire as lines
+from drivers.kobuki.virtual import VirtualKobuki
+from drivers.servos import wire
+from drivers.servos.declared import DynamixelKeys
+from drivers.servos.feetech import FeetechKeys
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
+from drivers.servos.wire import Instruction
 from drivers.sim.body import Body
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.kobuki import VirtualKobuki
-from drivers.virtual.rodney import FIRST, VirtualRodney
-from drivers.virtual.servo import VirtualServo
+from drivers.transport import guardian_wire as lines
 from drivers.virtual.terminal import Terminal, WireDevice
-from drivers.virtual.waveshare import VirtualWaveshare
-from missions.cli.robot.dialogue import Dialogue
-from missions.cli.robot.new import dialogue, new
+from drivers.waveshare.virtual import VirtualWaveshare
 from missions.library.drivers import GROUP, load_robot
+from missions.plugins.setup.robot.dialogue import Dialogue
+from missions.plugins.setup.robot.new import dialogue, new
 from tests.drivers.desks import RecordedMachine
 from tests.drivers.sockets import Sockets
 from tests.missions.command import command
@@ -78,7 +78,9 @@ class Workbench:
         self._sockets = None if run else Sockets(patch)
         if self._sockets is not None:
             for room in ("desk", "servos"):
-                patch.setattr(f"missions.cli.robot.{room}.SystemClock", lambda clock=self._sockets.clock: clock)
+                patch.setattr(
+                    f"missions.plugins.setup.robot.{room}.SystemClock", lambda clock=self._sockets.clock: clock
+                )
         self.kept = folder / "state" / "robot_new.json"
         self.written: dict[str, list[bytes]] = {}
         self._stack, self._patch = stack, patch
@@ -528,7 +530,7 @@ def test_a_head_on_i2c_that_turns_the_other_way_is_flipped_and_put_straight(
         assert (config.name, ports, head) == ("beep", {}, "head")
         yield SimpleNamespace(look=looked.append)
 
-    monkeypatch.setattr("missions.cli.robot.trying.opened_head", opened_head)
+    monkeypatch.setattr("missions.plugins.setup.robot.trying.opened_head", opened_head)
     answers = {"called": "beep", r"like\?": "pi_car", "may the head move": "y"}
     bench.session(Person({**answers, "did it turn to ITS left": "n", "askew in pan": "3"}))
     assert not looked  # there is no such bus on this machine

@@ -21,9 +21,9 @@ from missions.executive.state import state_of
 from missions.executive.stream import Stream
 from missions.language.expressions import parse
 from missions.library.shipped import load_mission
-from missions.order import RunRequest
+from missions.plugins.testing.recorders import HOLD, RELAX, STOP, Bench, good, stale
+from missions.request import RunRequest
 from missions.runner import Runner
-from missions.testing.recorders import HOLD, RELAX, STOP, Bench, good, stale
 from tests.missions.command import Process, command
 from tests.waiting import wait_until
 

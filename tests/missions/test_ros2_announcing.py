@@ -18,14 +18,14 @@ from drivers.ros2.declared import ZenohKeys
 from drivers.ros2.node import Node
 from drivers.ros2.session import Access, open_session
 from drivers.ros2.types import types
-from drivers.virtual.ros2 import Ros2Terminal, Served, free_address
-from missions.cli import offering
-from missions.cli.announcing import DETECTIONS, STRING, Announcer, announcer_of, detections
-from missions.cli.offering import RUN_MISSION, MissionServer, _params
-from missions.cli.ros2 import options_of_runs
+from drivers.ros2.virtual import Ros2Terminal, Served, free_address
 from missions.executive.events import Ended, Event, NodeChanged, Started, Ticked, VariableSet
 from missions.executive.telling import percept_of
 from missions.library.drivers import robot_named
+from missions.plugins.ros2 import offering
+from missions.plugins.ros2.announcing import DETECTIONS, STRING, Announcer, announcer_of, detections
+from missions.plugins.ros2.command import options_of_runs
+from missions.plugins.ros2.offering import RUN_MISSION, MissionServer, _params
 from perception.api import Box, Face, Marker, Thing, View
 from perception.geometry import Pinhole
 from tests.waiting import wait_until

@@ -12,11 +12,11 @@ import pytest
 
 from drivers.clock import SystemClock
 from drivers.ros2.types import types
+from drivers.ros2.virtual import free_address
 from drivers.ros2.wire import entity
-from drivers.virtual.ros2 import free_address
 from missions.assembly.simulation import Simulation
-from missions.cli.place import Frames, placed
 from missions.library.drivers import load_robot
+from missions.plugins.ros2.place import Frames, placed
 from tests.missions.command import Outcome, Process, command
 
 Mission = Callable[..., Outcome]

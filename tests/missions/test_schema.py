@@ -26,8 +26,8 @@ from missions.library.catalogue import bounds, shown_default
 from missions.library.catalogue import example as example_of
 from missions.library.shipped import find_mission, shipped_missions
 from missions.library.things import THINGS
-from missions.schema.mission import known_things, mission_schema
-from missions.schema.values import quantity as written_quantity
+from missions.plugins.schema.mission import known_things, mission_schema
+from missions.plugins.schema.values import quantity as written_quantity
 from tests.missions.command import Outcome, command
 
 KNOWN = {kind: cache(find) for kind, find in THINGS.items()} | {"file": Path}  # no bell.wav is here

@@ -16,16 +16,16 @@ from drivers.clock import SystemClock
 from drivers.errors import DeviceFault
 from missions.assembly.assembled import Assembled
 from missions.assembly.simulation import Simulation
-from missions.cli.doctor.moving import trials
-from missions.cli.hands import Hands
 from missions.executive.answers import Answers
 from missions.executive.asked import asked
 from missions.executive.events import CommandSent, Event
 from missions.executive.stop_latch import StopLatch
 from missions.library.drivers import load_robot, robot_of
-from missions.order import RunRequest, contradictions
+from missions.plugins.setup.doctor.moving import trials
+from missions.plugins.testing.commands.simulate import Hands
+from missions.plugins.testing.recorders import HOLD, Bench, RecordedJoints
+from missions.request import RunRequest, contradictions
 from missions.runner import Runner, ports_of
-from missions.testing.recorders import HOLD, Bench, RecordedJoints
 from tests.drivers.arms import Make, making
 from tests.missions.command import Outcome, command
 

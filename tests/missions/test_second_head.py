@@ -18,14 +18,14 @@ from drivers.arduino.make import make, second
 from drivers.clock import ManualClock
 from missions.assembly.assembled import Assembled
 from missions.assembly.together import Overrides
-from missions.cli.doctor.moving import trials
-from missions.cli.teleop import _opened as teleop_opened
-from missions.cli.teleop import command as teleop
 from missions.executive.events import CommandSent, Event
 from missions.library.drivers import load_robot, robot_of
-from missions.order import RunRequest
+from missions.plugins.setup.doctor.moving import trials
+from missions.plugins.teleop.command import _opened as teleop_opened
+from missions.plugins.teleop.command import command as teleop
+from missions.plugins.testing.recorders import STOP, Bench, RecordedHead
+from missions.request import RunRequest
 from missions.runner import Runner
-from missions.testing.recorders import STOP, Bench, RecordedHead
 from tests.missions.command import command
 
 HEADED = find("robots", "turtlebot2_arm").read_text().replace("robot: turtlebot2_arm", "robot: masted")

@@ -13,7 +13,7 @@ import pytest
 import skimage.data
 
 from drivers.api import Image
-from missions.views.camera.served import CameraPage
+from missions.plugins.setup.camera_page.served import CameraPage
 from tests.drivers.web_cameras import WebCamera, answer
 from tests.missions.command import Outcome, command, events_of
 from tests.perception.people_drawn import pictures
@@ -178,7 +178,7 @@ def test_a_page_shows_a_camera_live_while_somebody_looks(mission: Mission, monke
 
     told: list[str] = []
     monkeypatch.setattr(CameraPage, "open", opened)
-    monkeypatch.setattr("missions.cli.see.through", through)
+    monkeypatch.setattr("missions.plugins.setup.see.through", through)
     assert mission("see", "0").err == "", "no page where nobody sits at the terminal"
     outcome = mission("see", "0", "--view")
     assert outcome.code == 0

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from drivers.dynamixel.bus import Bus
-from drivers.dynamixel.declared import DynamixelKeys
-from drivers.dynamixel.driver import DynamixelJoints
-from drivers.dynamixel.make import joints as specs
+from drivers.servos.bus import Bus
+from drivers.servos.declared import DynamixelKeys
+from drivers.servos.driver import DynamixelJoints
+from drivers.servos.make import joints as specs
 from drivers.sim.timeline import Timeline
 from missions.library.drivers import load_robot
 from tests.drivers.cranked import PERIOD, by_hand

@@ -8,10 +8,10 @@ import pytest
 
 from config.editing import NotEditableError
 from config.library import find
-from drivers.dynamixel.declared import DynamixelKeys
-from drivers.virtual.servo import VirtualServo
-from missions.cli.servo.ranges import Range, keep_ranges
+from drivers.servos.declared import DynamixelKeys
+from drivers.servos.virtual.servo import VirtualServo
 from missions.library.drivers import load_robot
+from missions.plugins.setup.servo.ranges import Range, keep_ranges
 from tests.missions.command import Outcome, command
 from tests.missions.servo_bench import Three, by_hand, patient, three
 

@@ -12,11 +12,10 @@ import pytest
 
 from config.library import find
 from drivers.clock import SystemClock
-from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.servos.virtual.chain import VirtualServoBus
 from missions.assembly.simulation import Simulation
-from missions.cli.hands import HELP, Hands
-from missions.cli.simulate import Lines
 from missions.library.drivers import load_robot
+from missions.plugins.testing.commands.simulate import HELP, Hands, Lines
 
 ROBOT = load_robot(find("robots", "turtlebot2_arm"))
 

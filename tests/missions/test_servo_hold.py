@@ -14,14 +14,14 @@ import pytest
 
 from config.editing import rewrite
 from config.writing import write_new
-from drivers.dynamixel.models import MODELS
-from drivers.dynamixel.settings import apply
-from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.servos.models import MODELS
+from drivers.servos.settings import apply
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.patient_clock import PatientClock
-from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
-from missions.cli.servo import origin
-from missions.cli.servo.home import Homed
+from missions.plugins.setup.servo import origin
+from missions.plugins.setup.servo.home import Homed
 from tests.missions.command import Outcome, command
 from tests.missions.servo_bench import Three, by_hand, patient, three
 from tests.missions.test_servo_home import FILE
@@ -92,7 +92,7 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
 @pytest.fixture
 def person(robot: Three, monkeypatch: pytest.MonkeyPatch) -> Person:
     found = Person(lambda: not robot.elbow.limp)
-    monkeypatch.setattr("missions.cli.servo.until.Keys", found)
+    monkeypatch.setattr("missions.plugins.setup.servo.until.Keys", found)
     monkeypatch.setattr(sys, "stdin", TypingTerminal("y\n" * 9))
     return found
 

@@ -12,15 +12,15 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import Clock
-from drivers.dynamixel.bus import At, Bus
-from drivers.dynamixel.joint import Joint, JointSpec
-from drivers.dynamixel.models import MODELS
-from drivers.feetech.calibration import HALF_TURN
-from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.servos.bus import At, Bus
+from drivers.servos.calibration import HALF_TURN
+from drivers.servos.joint import Joint, JointSpec
+from drivers.servos.models import MODELS
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.patient_clock import PatientClock
-from drivers.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
-from missions.cli.servo.home import Homed, offset_for
+from missions.plugins.setup.servo.home import Homed, offset_for
 from tests.cases import each
 from tests.drivers.wired import Wired
 from tests.missions.command import Outcome, command

@@ -9,10 +9,10 @@ import click
 import pytest
 
 from drivers.api import Coupling, JointLimits
-from drivers.virtual.dynamixel import VirtualServoBus
-from drivers.virtual.servo import VirtualServo
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.terminal import Terminal
-from missions.cli.servo.mirror import coupled
+from missions.plugins.setup.servo.mirror import coupled
 from tests.missions.command import Outcome, command
 from tests.missions.servo_bench import patient
 from tests.waiting import wait_until

@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from config.gesture import load_gesture
-from drivers.ports import open_port
+from drivers.transport.ports import open_port
 from tests.missions.command import Outcome, Process, command
 from tests.missions.servo_bench import Three, by_hand, patient, three
 from tests.waiting import wait_until

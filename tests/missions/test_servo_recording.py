@@ -13,8 +13,8 @@ from behaviours.playing import slowed
 from config.writing import gesture_text
 from drivers.api import JointState, Quality, Reading
 from drivers.errors import BadRequest, NoReply
-from missions.hands.moves.load import load_move
-from missions.hands.moves.record import Recording, thinned
+from missions.library.moves.load import load_move
+from missions.library.moves.record import Recording, thinned
 
 STEP = radians(300) / 1024
 RATE = 50.0

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from behaviours.tracking_error import Sample, Tracking
 from drivers.api import Gesture, JointLimits, Keyframe
-from missions.cli.servo.tables import MOST_ROWS, followed, poses, rehearsed, write_csv
-from missions.hands.moves.plot import draw_move
+from missions.plugins.pictures.moves_plot import draw_move
+from missions.plugins.setup.servo.tables import MOST_ROWS, followed, poses, rehearsed, write_csv
 
 LIMITS = {"elbow": JointLimits(-1.0, 1.0, 2.0), "wrist": JointLimits(-2.0, 2.0, 1.0)}
 

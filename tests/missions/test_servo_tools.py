@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from drivers.dynamixel.units import baud_code
-from drivers.ports import open_port
+from drivers.servos.units import baud_code
+from drivers.transport.ports import open_port
 from tests.missions.command import Outcome, Process, command
 from tests.missions.servo_bench import Three, patient, three
 from tests.waiting import wait_until
@@ -288,7 +288,7 @@ def test_a_recovered_arm_is_limp_again_where_its_file_asks_for_that_and_it_is_sa
 def test_a_servo_that_does_not_come_back_from_a_recovery_is_said_to_be_limp(
     servo: Servo, robot: Three, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("missions.cli.servo.drive.RECOVERY", 0.0)  # it takes longer than that to start
+    monkeypatch.setattr("missions.plugins.setup.servo.drive.RECOVERY", 0.0)  # it takes longer than that to start
     robot.wrist.set("torque_enable", 1)
     robot.wrist.overload()
     wait_until(lambda: robot.wrist.get("hardware_error") != 0)
@@ -323,7 +323,7 @@ def test_a_servo_whose_torque_does_not_stay_on_is_not_called_stiff(
     servo: Servo, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "missions.cli.servo.drive.restore", lambda *_, **__: None
+        "missions.plugins.setup.servo.drive.restore", lambda *_, **__: None
     )  # as if it took the order and dropped it
     outcome = servo("torque", "on", "elbow")
     assert (outcome.code, outcome.out) == (1, "")

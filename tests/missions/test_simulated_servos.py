@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import ManualClock
-from drivers.dynamixel.declared import DynamixelKeys
-from drivers.virtual.dynamixel import VirtualServoBus
+from drivers.servos.declared import DynamixelKeys
+from drivers.servos.virtual.chain import VirtualServoBus
 from missions.assembly.simulation import Simulation
 from missions.library.drivers import load_robot
 

@@ -19,9 +19,9 @@ from drivers.clock import ManualClock
 from drivers.sim.timeline import Timeline
 from missions.executive.events import Event, Logged, NodeChanged, PerceptSeen
 from missions.executive.pace import STILL_SPEED, Pace, PausedPace
-from missions.order import RunRequest
+from missions.plugins.testing.stage import IN_PROCESS
+from missions.request import RunRequest
 from missions.runner import Runner
-from missions.testing.stage import IN_PROCESS
 from tests.cases import each
 from tests.missions.command import command
 

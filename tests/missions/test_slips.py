@@ -9,7 +9,7 @@ import click
 import pytest
 
 from drivers.errors import NotConnected
-from drivers.ports import LISTED, open_port, other_than_serial
+from drivers.transport.ports import LISTED, open_port, other_than_serial
 from missions.cli.numbers import InUnit, Real, Whole
 from missions.cli.root import mission as root
 from tests.missions.command import Outcome, command

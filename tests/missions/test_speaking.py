@@ -9,14 +9,14 @@ from behaviours.voice import Say
 from config.faults import InvalidFileError
 from drivers.api import Manner, MouthShape, Priority
 from drivers.clock import ManualClock
-from drivers.voice.printed import PrintedVoice
+from drivers.sound.printed import PrintedVoice
 from missions.executive.answers import Answers
 from missions.executive.asked import asked, robot_for
 from missions.executive.speaking import voice_proxy
 from missions.library.shipped import load_mission
-from missions.records.replay.answering import AnsweringVoice
-from missions.records.replay.memory import Memory
-from missions.testing.recorders import Bench
+from missions.plugins.records.replay.memory import Memory
+from missions.plugins.records.replay.rerun import AnsweringVoice
+from missions.plugins.testing.recorders import Bench
 
 
 def arguments(folder: Path, step: str) -> Mapping[str, object]:

@@ -15,10 +15,10 @@ import pytest
 from config.library import shipped
 from config.world import WorldConfig, load_world
 from drivers.api import Pose2D
-from drivers.sim.twins.base import BaseTwin
+from drivers.base.twin import BaseTwin
 from missions.language.plan import Plan
 from missions.library.drivers import robot_named
-from missions.order import RunRequest
+from missions.request import RunRequest
 from missions.runner import Runner, load
 from tests.missions.lone_base import LONE_ROBOT
 

@@ -16,11 +16,11 @@ from drivers.api import Velocity
 from drivers.api.sections import BaseKeys
 from drivers.clock import Clock, ManualClock, SystemClock
 from drivers.kobuki.driver import KobukiBase
-from drivers.virtual.kobuki import PERIOD as REPORT
-from drivers.virtual.kobuki import VirtualKobuki
+from drivers.kobuki.virtual import PERIOD as REPORT
+from drivers.kobuki.virtual import VirtualKobuki
 from drivers.virtual.terminal import Terminal
 from missions.library.drivers import load_robot
-from missions.order import RunRequest
+from missions.request import RunRequest
 from missions.runner import Runner
 from tests.drivers.test_kobuki_driver import DirectLink
 from tests.missions.lone_base import LONE_ROBOT, Witness

@@ -2,7 +2,7 @@
 
 import pytest
 
-from missions.cli.status_line import WIDTH, show_over
+from missions.cli.printable import WIDTH, show_over
 
 
 def test_a_line_takes_the_place_of_the_one_before_and_never_wraps(capsys: pytest.CaptureFixture[str]) -> None:

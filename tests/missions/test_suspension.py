@@ -20,8 +20,8 @@ from missions.executive.events import NodeChanged
 from missions.language.document import check_plan
 from missions.language.guards import actions_as_guards
 from missions.library.drivers import load_robot
-from missions.records.replay.rerun import rerun
-from missions.testing.suite import load_suite
+from missions.plugins.records.replay.rerun import rerun
+from missions.plugins.testing.suite import load_suite
 from tests.conformance.harness import Play
 from tests.conformance.probes import Bench
 from tests.missions.command import Outcome, command

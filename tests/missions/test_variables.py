@@ -12,9 +12,8 @@ from behaviours.node import Node
 from behaviours.run import Run
 from drivers.api import HeadPose
 from drivers.clock import ManualClock
-from missions.executive.events import Event, VariableSet
+from missions.executive.events import Event, JsonLines, VariableSet, plain
 from missions.executive.frozen_tick import Changes
-from missions.executive.json_lines import JsonLines, plain
 from missions.executive.stream import Stream
 
 

@@ -11,9 +11,9 @@ HOUSE = Path(__file__).parents[2]
 
 def test_what_is_not_named_as_allowed_is_refused_by_name(tmp_path: Path) -> None:
     wrong = {
-        "behaviours/base.py": "drivers.link",  # a leaf sees parts, and no lines
+        "behaviours/base.py": "drivers.transport.link",  # a leaf sees parts, and no lines
         "drivers/api/kinds.py": "drivers.table",  # what is declared loads no driver
-        "drivers/dynamixel/wire2.py": "drivers.loop",  # a wire is bytes and values
+        "drivers/servos/wire2.py": "drivers.transport.loop",  # a wire is bytes and values
         "drivers/rplidar/nodes.py": "drivers.rplidar.driver",
         "perception/crops.py": "tests",  # what ships runs without them
     }

@@ -14,13 +14,13 @@ from behaviours.run import Run
 from drivers.api.kinds import KINDS
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import DeviceFault
-from drivers.virtual.kobuki import VirtualKobuki
+from drivers.kobuki.virtual import VirtualKobuki
 from drivers.virtual.terminal import Terminal
 from missions.executive.events import Event as Told
 from missions.executive.events import FaultRaised
 from missions.executive.stream import Stream
 from missions.executive.watchdog import GLANCE, Limits, Watchdog
-from missions.order import RunRequest
+from missions.request import RunRequest
 from missions.runner import Runner
 from tests.missions.command import Process, command
 from tests.waiting import wait_until

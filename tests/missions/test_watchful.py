@@ -11,7 +11,7 @@ from drivers.errors import NotConnected
 from missions.assembly.eyes import WatchfulSight
 from missions.executive.answers import Answers
 from missions.executive.proxy import proxied
-from missions.testing.recorders.bench import Bench
+from missions.plugins.testing.recorders.bench import Bench
 from perception.api import Sight
 
 QUESTIONS: list[Callable[[Sight], object]] = [

@@ -9,7 +9,7 @@ import pytest
 from missions.cli.orders import check_people
 from missions.library.people import People
 from missions.library.shipped import load_mission
-from missions.order import RunRequest
+from missions.request import RunRequest
 from tests.missions.command import command
 
 FIND = """

@@ -24,8 +24,7 @@ from py_trees.common import OneShotPolicy, Status
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf, argument
-from config.faults import InvalidFileError, Source
-from config.synonyms import plain_word
+from config.faults import InvalidFileError, Source, plain_word
 from missions.executive.events import STATUS_WORDS
 from missions.language.document import check_plan
 from missions.language.nodes import BRANCHES, MODIFIERS

@@ -9,9 +9,8 @@ from typing import NamedTuple, get_type_hints
 import pytest
 
 from behaviours.catalogue import LEAVES
-from config.faults import Diagnostic, InvalidFileError, Source
-from config.synonyms import KEYS as FILE_KEYS
-from config.synonyms import head_of
+from config.faults import KEYS as FILE_KEYS
+from config.faults import Diagnostic, InvalidFileError, Source, head_of
 from drivers.api.kinds import MOVING
 from missions.executive.state import state_of
 from missions.language.body import KEYS
@@ -23,8 +22,8 @@ from missions.language.synonyms import WORDS, word_meant
 from missions.library.drivers import Table, robot_of
 from missions.library.shipped import find_mission, shipped_missions
 from missions.library.things import THINGS
-from missions.schema.robots import part_schemas
-from missions.testing.recorders import Bench
+from missions.plugins.schema.robots import part_schemas
+from missions.plugins.testing.recorders import Bench
 
 BASE = "robot: r\nbase: {driver: kobuki, port: /dev/kobuki, "
 JOINT = "robot: r\narm:\n  driver: dynamixel\n  port: /dev/u2d2\n  joints:\n    elbow: {id: 1, limits: [0 deg, 9 deg], "
@@ -332,7 +331,7 @@ def test_what_a_synonym_stands_for_is_a_word_of_ours() -> None:
     ours = {*LEAVES, *BRANCHES, *MODIFIERS, *BESIDE, *KEYS}
     assert not {head_of(word) for word in WORDS} - ours
     read = "\n".join(path.read_text(encoding="utf-8") for path in Path("config").glob("*.py"))
-    read += "\n".join(path.read_text(encoding="utf-8") for path in Path("missions/testing").glob("*.py"))
+    read += "\n".join(path.read_text(encoding="utf-8") for path in Path("missions/plugins/testing").glob("*.py"))
     read += json.dumps(part_schemas(Table()))
     assert not [word for word in FILE_KEYS if f'"{head_of(word)}"' not in read]
     assert not {word for theirs in WORDS.values() for word in theirs.split()} & {*LEAVES, *BRANCHES, *MODIFIERS}

@@ -17,15 +17,16 @@ from config.layout import ROBOT
 from config.library import shipped
 from config.world import WorldConfig, load_world
 from drivers.api import BASE_RADIUS, Pose2D
-from drivers.sim import acts, dock, people, things, topview
+from drivers.sim import acts, people, things, topview
+from drivers.sim import things as dock
 from drivers.sim.body import Body
 from drivers.sim.looks import LOOKS
 from drivers.sim.things import Ball
 from drivers.sim.wheels import Wheels
 from drivers.sim.world import World
 from missions.library.worlds import build_battery, build_world
-from missions.views.pictures.plan import METRE, plan
-from missions.views.pictures.words import lines_about
+from missions.plugins.pictures.plan import METRE, plan
+from missions.plugins.pictures.words import lines_about
 from tests.missions.command import command
 
 DOCS = Path(__file__).parents[2] / "docs" / "worlds.md"

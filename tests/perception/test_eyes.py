@@ -13,8 +13,7 @@ import pytest
 from perception.api import Box, Detection, Face, Gaze, Image, Sight, View
 from perception.eyes import Effort, Eyes, Vision
 from perception.senses import FaceSense, Senses
-from perception.sighting import Sighting
-from perception.tracks import Tracker
+from perception.tracks import Sighting, Tracker
 
 PICTURE_TIMEOUT = 10.0
 

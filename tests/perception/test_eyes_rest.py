@@ -11,8 +11,7 @@ from drivers.clock import ManualClock
 from perception.api import Gaze, Image
 from perception.eyes import BLIND, LINGER, OPENED, Eyes, Vision
 from perception.senses import FaceSense, Senses
-from perception.sighting import Sighting
-from perception.tracks import Tracker
+from perception.tracks import Sighting, Tracker
 from tests.waiting import wait_until
 
 

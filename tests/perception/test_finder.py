@@ -8,15 +8,13 @@ import cv2
 import numpy as np
 import pytest
 
-from perception import known
+from perception import finder as known
 from perception.api import Box, Detection, Face, Image
 from perception.faces import HaarFaces
-from perception.finder import ASIDE, FaceFinder
-from perception.flow import carry
+from perception.finder import ASIDE, FaceFinder, carry
 from perception.geometry import Pinhole
 from perception.light import Grey
-from perception.sighting import Sighting
-from perception.tracks import Tracker
+from perception.tracks import Sighting, Tracker
 from perception.turns import ANY
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from perception.api import Box
-from perception.flow import carry
+from perception.finder import carry
 from perception.light import Grey, grey
 
 if TYPE_CHECKING:

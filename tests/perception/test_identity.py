@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from missions.testing.recorders import face
+from missions.plugins.testing.recorders import face
 from perception.api import UNKNOWN, Box, Face, Frame, Gaze, Image
 from perception.geometry import Pinhole
 from perception.identity import CONTRARY, ENOUGH, LATEST, Look, NamedFaces, Naming, Nobody, Votes

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from perception.api import Box, Detection, Face, Gaze
 from perception.geometry import Pinhole
-from perception.sighting import Sighting
-from perception.tracks import Tracker
+from perception.tracks import Sighting, Tracker
 
 CAMERA = Pinhole(640, 480, radians(60))
 

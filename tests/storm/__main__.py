@@ -12,7 +12,7 @@ from config.saving import save_file
 from drivers.clock import SystemClock
 from missions.cli.keys import interruptible
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
-from missions.testing.many import GONE, cores, do_all
+from missions.plugins.testing.many import GONE, cores, do_all
 from tests.storm.play import Outcome, play_seed
 from tests.storm.report import report, schedule
 from tests.storm.shrink import as_test, shrunk

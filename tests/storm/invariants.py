@@ -7,7 +7,7 @@ from drivers.api import ignore
 from missions.executive.events import NodeChanged, ReflexFired
 from missions.executive.executive import HALT_TIME
 from missions.executive.telling import logging_to
-from missions.records.replay.rerun import rerun
+from missions.plugins.records.replay.rerun import rerun
 from tests.storm.leaves import DOOMED, LEFT
 from tests.storm.looking import (
     STILL,

@@ -15,11 +15,11 @@ from drivers.clock import SystemClock
 from drivers.errors import DriverError
 from missions.executive.executive import Result
 from missions.executive.watchdog import Limits
-from missions.order import RunRequest
+from missions.plugins.testing.live import read_live
+from missions.plugins.testing.mishaps import Mishap
+from missions.plugins.testing.trouble import Trouble
+from missions.request import RunRequest
 from missions.runner import Runner
-from missions.testing.live import read_live
-from missions.testing.mishaps import Mishap
-from missions.testing.trouble import Trouble
 from tests.storm.invariants import ALL_REST, broken
 from tests.storm.record import StormRecord
 from tests.storm.weather import LEAVES, Weather, draw

@@ -14,12 +14,12 @@ from missions.executive.events import Event
 from missions.executive.telling import logging_to
 from missions.executive.tick_record import TickRecord
 from missions.language.plan import Plan
-from missions.order import RunRequest
-from missions.records.recording.faults import InvalidRecordError
-from missions.records.recording.gather import contents_of
-from missions.records.recording.read import open_record
-from missions.records.recording.recorder import Recorder
-from missions.records.replay.rerun import rerun
+from missions.plugins.records.recording.faults import InvalidRecordError
+from missions.plugins.records.recording.gather import contents_of
+from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.recording.recorder import Recorder
+from missions.plugins.records.replay.rerun import rerun
+from missions.request import RunRequest
 from missions.runner import Runner
 
 ROOM = 4096

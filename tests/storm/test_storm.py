@@ -15,10 +15,10 @@ from behaviours.leaf import Leaf
 from behaviours.mirror import Mirror as Led
 from behaviours.stopping import Stopping
 from drivers.api import Velocity, ignore
+from drivers.base.arbitrated import SteeredBase
 from drivers.base.range_guard import RangeGuard
-from drivers.base.steered import SteeredBase
 from drivers.errors import DeviceFault
-from drivers.sim.twins.joints import JointsTwin
+from drivers.servos.twin import JointsTwin
 from missions.executive.asked import Decided
 from missions.executive.executive import Executive
 from tests import planted

@@ -11,9 +11,9 @@ from config.robot import RobotConfig
 from drivers.api import BaseState, Reading, ignore
 from missions.executive.events import CommandSent, Event, FaultRaised, NodeChanged, Started, Ticked
 from missions.executive.tick_record import TickRecord
+from missions.plugins.testing.history import History
+from missions.plugins.testing.mishaps import Mishap
 from missions.runner import Runner
-from missions.testing.history import History
-from missions.testing.mishaps import Mishap
 from tests.storm.leaves import LEFT, STOPS_NOT
 from tests.storm.record import StormRecord
 from tests.storm.touching import TouchWatch
@@ -113,14 +113,14 @@ class Witness:
         for part in leaf.claims:
             self.claimed.setdefault(part, []).append(time)
 
-    # --- what a record has (missions.records.replay.rerun.Recorded) --------------------------------------------------
+    # --- what a record has (missions.plugins.records.replay.rerun.Recorded) ------------------------------------------
 
     @property
     def events(self) -> list[Event]:
         """All that happened."""
         return self.history.events
 
-    # --- for invariants -----------------------------------------------------------------------------------------------
+    # --- for invariants ----------------------------------------------------------------------------------------------
 
     @property
     def runner(self) -> Runner:

@@ -5,8 +5,8 @@ from math import sqrt
 
 import numpy as np
 
-from drivers.dynamixel.motor import Motor
 from drivers.legs.body import SIDES, Body, Floats
+from drivers.servos.models import Motor
 from drivers.sim.rigid.links import Figure, Link, Shape, Vector
 
 LEAST = 0.015

@@ -4,26 +4,26 @@ from drivers.api import Away
 from drivers.api.sections import BaseKeys
 from drivers.arduino.declared import ArduinoKeys, SecondKeys, TwoServoKeys
 from drivers.arduino.make import axis as servo
+from drivers.arduino.twin import HeadTwin
+from drivers.base.arbitrated import settings_of
+from drivers.base.plain_twin import PlainTwin
 from drivers.base.reckoning import TwoWheels
-from drivers.base.steered import settings_of
-from drivers.dynamixel.declared import DynamixelKeys, NeckKeys
-from drivers.dynamixel.make import axis as joint
-from drivers.dynamixel.make import joints
+from drivers.base.twin import BaseTwin
 from drivers.legs.declared import LegsKeys
 from drivers.legs.make import compensation, feeling, torques
 from drivers.legs.make import engine as walking
+from drivers.legs.twin import LegsTwin
 from drivers.pi_car.declared import PiCarKeys, PiHeadKeys
 from drivers.rplidar.declared import RPLidarKeys
+from drivers.rplidar.twin import RangerTwin
+from drivers.servos.declared import DynamixelKeys, NeckKeys
+from drivers.servos.make import axis as joint
+from drivers.servos.make import joints
+from drivers.servos.neck_twin import NeckTwin
+from drivers.servos.rigid_twin import RigidJoints
+from drivers.servos.twin import JointsTwin
 from drivers.sim.scanner import looking
 from drivers.sim.stage import Stage
-from drivers.sim.twins.base import BaseTwin
-from drivers.sim.twins.head import HeadTwin
-from drivers.sim.twins.joints import JointsTwin
-from drivers.sim.twins.legs import LegsTwin
-from drivers.sim.twins.neck import NeckTwin
-from drivers.sim.twins.plain_base import PlainTwin
-from drivers.sim.twins.ranger import RangerTwin
-from drivers.sim.twins.rigid_joints import RigidJoints
 from drivers.sim.world import World
 from drivers.waveshare.declared import WaveshareKeys
 from drivers.waveshare.wire import FASTEST

@@ -10,10 +10,10 @@ from typing import Any
 
 from drivers.clock import SystemClock
 from drivers.ros2 import wire
-from drivers.ros2.faults import TopicFaults
+from drivers.ros2.node import TopicFaults
 from drivers.ros2.session import Access, open_session
-from drivers.virtual.ros2 import free_address
-from drivers.virtual.topics import Topics
+from drivers.ros2.virtual import free_address
+from drivers.ros2.virtual_topics import Topics
 
 Asked = Callable[[bytes, Callable[[bytes], None]], None]
 

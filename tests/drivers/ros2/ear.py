@@ -2,8 +2,8 @@
 
 from drivers.ros2.line import Channel
 from drivers.ros2.types import types
+from drivers.ros2.virtual_topics import Topics
 from drivers.ros2.voice import STRING
-from drivers.virtual.topics import Topics
 
 
 class VirtualEar(Topics):

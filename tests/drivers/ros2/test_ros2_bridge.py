@@ -17,8 +17,8 @@ from drivers.ros2.base import ODOMETRY
 from drivers.ros2.node import Node
 from drivers.ros2.session import Access, open_session
 from drivers.ros2.types import types
+from drivers.ros2.virtual import Ros2Terminal, Served, free_address
 from drivers.ros2.wire import BRIDGE, LATCHED, QOS, Entity
-from drivers.virtual.ros2 import Ros2Terminal, Served, free_address
 from tests.drivers.desks import RecordedMachine
 from tests.drivers.ros2.dds_bridge import DdsBridge
 from tests.drivers.ros2.test_ros2_session import Robot

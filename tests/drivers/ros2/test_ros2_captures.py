@@ -16,7 +16,7 @@ import pytest
 from config.library import find
 from config.robot import RobotConfig
 from drivers.api.driver import Site
-from drivers.base.steered import settings_of
+from drivers.base.arbitrated import settings_of
 from drivers.ros2 import wire
 from drivers.ros2.base import KINDS, SENT, Ros2Base
 from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
@@ -24,8 +24,8 @@ from drivers.ros2.line import Channel
 from drivers.ros2.make import topics_of
 from drivers.ros2.ranger import SCAN, Ros2Ranger
 from drivers.ros2.types import types
+from drivers.ros2.virtual_topics import Topics
 from drivers.sim.timeline import Timeline
-from drivers.virtual.topics import Topics
 from missions.library.drivers import load_robot
 from tests.drivers.cranked import HandWire
 

@@ -15,7 +15,7 @@ from drivers.ros2.declared import ZenohKeys
 from drivers.ros2.make import graph as make_graph
 from drivers.ros2.session import Access, open_session
 from drivers.ros2.types import types
-from drivers.virtual.ros2 import Ros2Terminal, Served, free_address
+from drivers.ros2.virtual import Ros2Terminal, Served, free_address
 from tests.missions.command import command
 from tests.waiting import wait_until
 

@@ -7,7 +7,7 @@ from drivers.ros2 import wire
 from drivers.ros2.base import ODOMETRY, TWISTS
 from drivers.ros2.line import Channel, TopicPort
 from drivers.ros2.node import Node
-from drivers.ros2.sieve import Sieve
+from drivers.ros2.publisher import Sieve
 from drivers.ros2.wire import Attachment, Entity
 
 CHANNELS = [Channel("/cmd_vel", TWISTS, sends=True), Channel("/odom", (ODOMETRY,))]

@@ -15,7 +15,7 @@ from drivers.errors import NotConnected
 from drivers.ros2.node import Node
 from drivers.ros2.session import Access, open_session
 from drivers.ros2.types import types
-from drivers.virtual.ros2 import free_address
+from drivers.ros2.virtual import free_address
 from tests.drivers.ros2.test_ros2_session import Robot
 from tests.missions.service.fleet_campaign import Proxy
 from tests.waiting import wait_until

@@ -13,8 +13,8 @@ from drivers.clock import ManualClock
 from drivers.ros2 import wire
 from drivers.ros2.base import KINDS, ODOMETRY
 from drivers.ros2.declared import Ros2ArmKeys, Ros2BaseKeys, Ros2JointKeys, Ros2RangeKeys, Ros2VoiceKeys, ZenohKeys
-from drivers.ros2.faults import MAX_TOPICS, RECENT, REPORT_INTERVAL, TopicFaults
 from drivers.ros2.make import arm, base, graph, ranger, voice
+from drivers.ros2.node import MAX_TOPICS, RECENT, REPORT_INTERVAL, TopicFaults
 from drivers.ros2.ranger import SCAN
 from drivers.ros2.types import Malformed, types
 from drivers.ros2.ways import STATE

@@ -16,9 +16,8 @@ from drivers.ros2.actions import ActionServer
 from drivers.ros2.base import KINDS
 from drivers.ros2.camera import IMAGES, picture
 from drivers.ros2.declared import Ros2ArmKeys, Ros2BaseKeys, Ros2JointKeys, Ros2RangeKeys, ZenohKeys
-from drivers.ros2.faults import TopicFaults
 from drivers.ros2.make import arm, base, graph, ranger, topics_of
-from drivers.ros2.node import Node
+from drivers.ros2.node import Node, TopicFaults
 from drivers.ros2.ranger import SCAN
 from drivers.ros2.requests import Requests, _Request
 from drivers.ros2.types import Malformed, types

@@ -17,7 +17,7 @@ from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
 from drivers.ros2.make import base as make_base
 from drivers.ros2.make import graph as make_graph
 from drivers.ros2.make import ranger as make_ranger
-from drivers.virtual.ros2 import Ros2Terminal, Served, free_address
+from drivers.ros2.virtual import Ros2Terminal, Served, free_address
 from tests.waiting import wait_until
 
 pytestmark = [

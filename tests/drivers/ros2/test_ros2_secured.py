@@ -17,7 +17,7 @@ from drivers.clock import SystemClock
 from drivers.ros2.declared import ZenohKeys
 from drivers.ros2.graph import Ros2Graph
 from drivers.ros2.make import graph as make_graph
-from drivers.virtual.ros2 import free_address
+from drivers.ros2.virtual import free_address
 from missions.library.drivers import robot_of
 from tests.certificates import authority, certificate
 from tests.waiting import wait_until

@@ -20,12 +20,11 @@ from drivers.ros2.make import graph as make_graph
 from drivers.ros2.make import ranger as make_ranger
 from drivers.ros2.ranger import Ros2Ranger
 from drivers.ros2.types import types
+from drivers.ros2.virtual import Ros2Terminal, Served, VirtualNav2, free_address
+from drivers.ros2.virtual_topics import VirtualBase, VirtualPictures, VirtualScan
 from drivers.sim.body import Body
 from drivers.sim.scanner import looking
 from drivers.sim.world import World
-from drivers.virtual.navigation import VirtualNav2
-from drivers.virtual.ros2 import Ros2Terminal, Served, free_address
-from drivers.virtual.topics import VirtualBase, VirtualPictures, VirtualScan
 from tests.waiting import wait_until
 
 

@@ -13,15 +13,16 @@ import pytest
 from drivers.api import Health, Sides
 from drivers.api.driver import Site
 from drivers.clock import ManualClock
-from drivers.ros2 import create3, wire
+from drivers.ros2 import base as create3
+from drivers.ros2 import wire
 from drivers.ros2.base import KINDS
 from drivers.ros2.camera import IMAGES, TopicFeed, picture
 from drivers.ros2.declared import Ros2ArmKeys, Ros2JointKeys, Ros2RangeKeys, ZenohKeys
 from drivers.ros2.make import arm as make_arm
 from drivers.ros2.make import graph as make_graph
 from drivers.ros2.make import ranger as make_ranger
+from drivers.ros2.publisher import Sieve
 from drivers.ros2.ranger import SCAN, Ros2Ranger
-from drivers.ros2.sieve import Sieve
 from drivers.ros2.types import types
 from drivers.ros2.ways import STATE
 from drivers.ros2.wire import Attachment

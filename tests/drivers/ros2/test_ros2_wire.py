@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 
 from drivers.ros2 import wire
-from drivers.ros2.sieve import Sieve
+from drivers.ros2.publisher import Sieve
 from drivers.ros2.wire import Attachment, Entity
 
 STRING = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"

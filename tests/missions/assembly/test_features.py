@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from missions.assembly.features import Features
+from missions.assembly.gallery import Features
 from missions.library.people import People
 from missions.library.portraits import FEATURES
 from perception.api import Box, Image

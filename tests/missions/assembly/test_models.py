@@ -11,7 +11,7 @@ import pytest
 
 from missions.assembly import models
 from missions.assembly.models import YUNET, FetchError, Model, fetch, folder, is_there
-from missions.cli import models as cli
+from missions.plugins.setup import models as cli
 from tests.missions.command import Outcome, command
 
 CONTENT = bytes(range(256)) * 1000

@@ -15,9 +15,9 @@ from drivers.errors import BadRequest
 from drivers.legs.engine import whole
 from drivers.legs.gait import blended, mirrored, scaled
 from drivers.legs.pressure import margins
-from missions.cli.gait import command
-from missions.hands.gaits import Walker, written
 from missions.library.drivers import load_robot
+from missions.plugins.legs.command import command
+from missions.plugins.legs.gaits import Walker, written
 
 GAITS = Path(__file__).parents[3] / "config" / "gaits"
 STROLL, CURVE = GAITS / "stroll.yaml", GAITS / "curve.yaml"

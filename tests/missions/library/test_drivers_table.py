@@ -96,7 +96,7 @@ def test_a_declaration_of_the_house_is_never_broken() -> None:
 METAL = """
 import sys
 from missions.cli import run
-from missions.order import RunRequest
+from missions.request import RunRequest
 from missions.runner import Runner
 runner = Runner(RunRequest("square_3m", robot="turtlebot2"))
 assert runner.assembled.robot.base_part is not None

@@ -52,8 +52,8 @@ WITHOUT = (
     "rich",
     "serial",
     "perception.hearing.engines",
-    "drivers.voice.engines",
-    "missions.hands.moves.sheet",
+    "drivers.sound.engines",
+    "missions.library.moves.sheet",
     "behaviours.wander",
 )
 """What a check of a mission that greets has no use for."""

@@ -19,13 +19,13 @@ from config.library import find
 from config.reading import files_read
 from drivers.clock import time_of_day
 from missions.library.drivers import load_robot
-from missions.order import RunRequest
-from missions.records.recording.gather import contents_of
-from missions.records.recording.read import Record, open_record
-from missions.records.recording.recorder import Recorder
-from missions.records.replay.rerun import rerun
-from missions.records.replay.sources import Sources
-from missions.records.replay.words import about_rerun
+from missions.plugins.records.recording.gather import contents_of
+from missions.plugins.records.recording.read import Record, open_record
+from missions.plugins.records.recording.recorder import Recorder
+from missions.plugins.records.replay.rerun import rerun
+from missions.plugins.records.replay.sources import Sources
+from missions.plugins.records.replay.words import about_rerun
+from missions.request import RunRequest
 from missions.runner import Runner
 
 FOLDER = Path(__file__).with_name("golden_records")

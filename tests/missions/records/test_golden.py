@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.order import RunRequest
+from missions.request import RunRequest
 from tests.missions.records.golden import FOLDER, MISSIONS, decided_again, keep
 
 RECORDS = sorted(FOLDER.glob("*.mcap"))

@@ -20,12 +20,12 @@ from threading import Event, Thread
 
 from config.fleet import FleetKeys
 from drivers.clock import SystemClock
-from missions.cli.joining import own_number
-from missions.service.fleet.keeper import ALSO
-from missions.service.fleet.operator import Operator, operating
-from missions.service.fleet.words import Address, Keep
-from missions.service.schema import open_db, queue_file
-from missions.service.task import TaskError
+from missions.plugins.fleet.joining import own_number
+from missions.plugins.fleet.keeper import ALSO
+from missions.plugins.fleet.operator import Operator, operating
+from missions.plugins.fleet.words import Address, Keep
+from missions.plugins.tasks.schema import open_db, queue_file
+from missions.plugins.tasks.task import TaskError
 from tests.forked import Forked
 from tests.missions.service.fleets import free_port, router
 

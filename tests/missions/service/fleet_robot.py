@@ -12,23 +12,21 @@ from threading import Event
 
 from config.fleet import FleetKeys
 from drivers.clock import SystemClock
-from missions.cli.joining import own_number
-from missions.service.fleet.body import Telemetry
-from missions.service.fleet.errands import ErrandQueue
-from missions.service.fleet.kept import Kept
-from missions.service.fleet.latch import FleetLatch
-from missions.service.fleet.line import ZenohLine
-from missions.service.fleet.member import Member, Own
-from missions.service.fleet.place import open_session
-from missions.service.fleet.robot import employ
-from missions.service.fleet.roster import Roster
-from missions.service.fleet.times import Times
-from missions.service.fleet.words import Address
-from missions.service.schema import open_db, queue_file
-from missions.service.serve import Server
-from missions.service.task import Claim, Outcome
-from missions.service.times import wall_clock
-from missions.service.work import Say, Stopping
+from missions.plugins.fleet.body import Telemetry
+from missions.plugins.fleet.errands import ErrandQueue
+from missions.plugins.fleet.joining import own_number
+from missions.plugins.fleet.kept import Kept
+from missions.plugins.fleet.line import ZenohLine
+from missions.plugins.fleet.member import FleetLatch, Member, Own
+from missions.plugins.fleet.place import open_session
+from missions.plugins.fleet.robot import employ
+from missions.plugins.fleet.roster import Roster
+from missions.plugins.fleet.words import Address, Times
+from missions.plugins.tasks.schema import open_db, queue_file
+from missions.plugins.tasks.serve import Server
+from missions.plugins.tasks.task import Claim, Outcome
+from missions.plugins.tasks.times import wall_clock
+from missions.plugins.tasks.work import Say, Stopping
 
 WORK = 0.15
 """Seconds that a task takes."""

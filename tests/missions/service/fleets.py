@@ -9,14 +9,13 @@ from typing import Any
 
 from config.fleet import FleetKeys
 from drivers.clock import SystemClock
-from missions.service.fleet.body import Telemetry
-from missions.service.fleet.latch import FleetLatch
-from missions.service.fleet.line import ZenohLine
-from missions.service.fleet.member import Member, Own
-from missions.service.fleet.operator import Operator, operating
-from missions.service.fleet.place import open_session
-from missions.service.fleet.roster import Roster
-from missions.service.fleet.words import Address
+from missions.plugins.fleet.body import Telemetry
+from missions.plugins.fleet.line import ZenohLine
+from missions.plugins.fleet.member import FleetLatch, Member, Own
+from missions.plugins.fleet.operator import Operator, operating
+from missions.plugins.fleet.place import open_session
+from missions.plugins.fleet.roster import Roster
+from missions.plugins.fleet.words import Address
 
 
 class CountingBody:

@@ -10,14 +10,14 @@ from contextlib import closing
 from pathlib import Path
 
 from drivers.clock import time_of_day
-from missions.service.courier import Courier
-from missions.service.notice import Channel, Notice
-from missions.service.outbox import Outbox
-from missions.service.queue import Queue
-from missions.service.schema import open_db
-from missions.service.serve import Server
-from missions.service.task import Claim, Outcome
-from missions.service.work import Say, Stopping
+from missions.plugins.tasks.courier import Courier
+from missions.plugins.tasks.notice import Channel, Notice
+from missions.plugins.tasks.outbox import Outbox
+from missions.plugins.tasks.queue import Queue
+from missions.plugins.tasks.schema import open_db
+from missions.plugins.tasks.serve import Server
+from missions.plugins.tasks.task import Claim, Outcome
+from missions.plugins.tasks.work import Say, Stopping
 
 CHANNELS = ("one", "two")
 

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from missions.cli import serve as serving
-from missions.service.disk import DiskFull, in_a_line
-from missions.service.schema import open_db
-from missions.service.serve import Server
-from missions.service.task import Claim, Outcome
-from missions.service.work import Say, Stopping
+from missions.plugins.tasks.commands import serve as serving
+from missions.plugins.tasks.disk import DiskFull, in_a_line
+from missions.plugins.tasks.schema import open_db
+from missions.plugins.tasks.serve import Server
+from missions.plugins.tasks.task import Claim, Outcome
+from missions.plugins.tasks.work import Say, Stopping
 from tests.missions.service.small_queue import Shop, new, shop
 
 MOUNT = ("mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs")

@@ -7,10 +7,10 @@ from datetime import datetime, tzinfo
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
-from missions.service.outbox import Outbox
-from missions.service.queue import PAUSE, Queue
-from missions.service.schema import open_db
-from missions.service.task import Claim, How, NewTask, Outcome, Policy, Task
+from missions.plugins.tasks.outbox import Outbox
+from missions.plugins.tasks.queue import PAUSE, Queue
+from missions.plugins.tasks.schema import open_db
+from missions.plugins.tasks.task import Claim, How, NewTask, Outcome, Policy, Task
 
 BERLIN = ZoneInfo("Europe/Berlin")
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from missions.service.fleet.operator import Operator
-from missions.service.fleet.words import Address, Keep
+from missions.plugins.fleet.operator import Operator
+from missions.plugins.fleet.words import Address, Keep
 from tests.missions.service.fleet_campaign import campaign
 from tests.waiting import wait_until
 

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.clock import ManualClock
-from missions.service.fleet.form import MAX_BYTES, BadMessageError, as_bytes, read
-from missions.service.fleet.roster import MOST_ROBOTS, Roster
-from missions.service.fleet.words import Address, RobotState, Stop, address_in, key, read_ask
+from missions.plugins.fleet.form import MAX_BYTES, BadMessageError, as_bytes, read
+from missions.plugins.fleet.roster import MOST_ROBOTS, Roster
+from missions.plugins.fleet.words import Address, RobotState, Stop, address_in, key, read_ask
 
 STATE = RobotState(session="01ab23cd", number=3, robot="turtlebot2", parts=("base",), battery=0.5, task_state="RUNNING")
 WHERE = key("home", "state", "anna/0123abcd")

@@ -9,14 +9,13 @@ from typing import Any
 import pytest
 
 from drivers.clock import ManualClock
-from missions.service.fleet.body import Telemetry
-from missions.service.fleet.errands import ErrandQueue, Errands
-from missions.service.fleet.form import MAX_ANSWER, as_bytes, of, read
-from missions.service.fleet.keeper import ALSO, LOST, Keeper, fits
-from missions.service.fleet.kept import DOUBT, Kept, KeptTask
-from missions.service.fleet.roster import Roster
-from missions.service.fleet.times import Times
-from missions.service.fleet.words import (
+from missions.plugins.fleet.body import Telemetry
+from missions.plugins.fleet.errands import ErrandQueue, Errands
+from missions.plugins.fleet.form import MAX_ANSWER, as_bytes, of, read
+from missions.plugins.fleet.keeper import ALSO, LOST, Keeper, fits
+from missions.plugins.fleet.kept import DOUBT, Kept, KeptTask
+from missions.plugins.fleet.roster import Roster
+from missions.plugins.fleet.words import (
     Accept,
     Address,
     Answer,
@@ -26,11 +25,12 @@ from missions.service.fleet.words import (
     Report,
     RobotState,
     Tasks,
+    Times,
     ToldTask,
     key,
 )
-from missions.service.schema import open_db, queue_file
-from missions.service.task import Claim, Outcome
+from missions.plugins.tasks.schema import open_db, queue_file
+from missions.plugins.tasks.task import Claim, Outcome
 from tests.missions.service.fleets import CountingBody
 
 TIMES = Times(heartbeat=2.0, again=1.0, lease=30.0, hand_on=50.0, refused=2.0)

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from missions.service.disk import DiskFull, trouble
-from missions.service.lock import is_locked, locked
-from missions.service.schema import open_db
-from missions.service.task import TaskError
+from missions.plugins.tasks.disk import DiskFull, trouble
+from missions.plugins.tasks.lock import is_locked, locked
+from missions.plugins.tasks.schema import open_db
+from missions.plugins.tasks.task import TaskError
 from tests.missions.service.small_disk import MOUNT
 
 ROOT = Path(__file__).parents[3]

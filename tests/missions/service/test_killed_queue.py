@@ -9,10 +9,10 @@ from threading import Event
 
 import pytest
 
-from missions.service.outbox import Outbox
-from missions.service.queue import Queue
-from missions.service.schema import open_db
-from missions.service.task import NewTask, Policy
+from missions.plugins.tasks.outbox import Outbox
+from missions.plugins.tasks.queue import Queue
+from missions.plugins.tasks.schema import open_db
+from missions.plugins.tasks.task import NewTask, Policy
 from tests.forked import Forked
 from tests.missions.service.journal_server import CHANNELS
 from tests.tries import tries

@@ -14,12 +14,11 @@ from threading import Event, Thread, Timer
 import pytest
 
 from config.notices import CommandNotice, MqttNotice, NoticeConfig, TerminalNotice, WebhookNotice, written
-from missions.service.notice import Notice
-from missions.service.notices import channel_of
-from missions.service.notices.command import Command
-from missions.service.notices.mqtt import Mqtt
-from missions.service.notices.refused import NotTaken
-from missions.service.notices.webhook import Webhook
+from missions.plugins.tasks.notice import Notice, NotTaken
+from missions.plugins.tasks.notices import channel_of
+from missions.plugins.tasks.notices.command import Command
+from missions.plugins.tasks.notices.mqtt import Mqtt
+from missions.plugins.tasks.notices.webhook import Webhook
 from tests.missions.service.small_broker import Manners, small_broker
 from tests.waiting import wait_until
 

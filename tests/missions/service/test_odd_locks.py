@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from missions.records.recording.mend import mend
-from missions.service.lock import holder, is_locked, locked
-from missions.studio.audit import Audit
-from missions.studio.places import places
-from missions.studio.processes import identity_of
-from missions.studio.stop_stamp import NAME, is_stopped_since
+from missions.control.notes import NAME, is_stopped_since
+from missions.control.places import places
+from missions.control.processes import identity_of
+from missions.plugins.records.recording.mend import mend
+from missions.plugins.studio.audit import Audit
+from missions.plugins.tasks.lock import holder, is_locked, locked
 
 KINDS = ("fifo", "socket", "folder", "device", "dangling", "loop")
 

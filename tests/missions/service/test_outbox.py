@@ -10,15 +10,14 @@ import pytest
 
 from config.notices import CommandNotice, TerminalNotice, WebhookNotice, written
 from drivers.clock import ManualClock
-from missions.library.channels import channels_of
-from missions.service.courier import Courier
-from missions.service.notice import Channel, Notice, notice_of
-from missions.service.notices import channel_of
-from missions.service.outbox import Outbox
-from missions.service.queue import Queue
-from missions.service.schema import open_db
-from missions.service.task import NewTask, Policy
-from missions.service.turns import LONG, MAX_DELAY, STUBBORN, TIRED, Turns, delay
+from missions.plugins.tasks.channels import channels_of
+from missions.plugins.tasks.courier import LONG, MAX_DELAY, STUBBORN, TIRED, Courier, Turns, delay
+from missions.plugins.tasks.notice import Channel, Notice, notice_of
+from missions.plugins.tasks.notices import channel_of
+from missions.plugins.tasks.outbox import Outbox
+from missions.plugins.tasks.queue import Queue
+from missions.plugins.tasks.schema import open_db
+from missions.plugins.tasks.task import NewTask, Policy
 from tests.missions.service.small_queue import BERLIN, START, Shop, new, shop
 from tests.waiting import wait_until
 

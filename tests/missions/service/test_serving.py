@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from missions.service.serve import Server
-from missions.service.task import Claim, Outcome, Policy
-from missions.service.work import Say, Stopping
+from missions.plugins.tasks.serve import Server
+from missions.plugins.tasks.task import Claim, Outcome, Policy
+from missions.plugins.tasks.work import Say, Stopping
 from tests.missions.service.small_queue import Shop, new, shop
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from missions.service.queue import PAUSE
-from missions.service.task import How, NewTask, Outcome, Policy
+from missions.plugins.tasks.queue import PAUSE
+from missions.plugins.tasks.task import How, NewTask, Outcome, Policy
 from tests.missions.service.small_queue import START, Shop, new, shop
 
 

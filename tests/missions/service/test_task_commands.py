@@ -10,9 +10,9 @@ from threading import Event
 
 import pytest
 
-from missions.service.lock import is_locked, locked
-from missions.service.outbox import Outbox
-from missions.service.schema import open_db
+from missions.plugins.tasks.lock import is_locked, locked
+from missions.plugins.tasks.outbox import Outbox
+from missions.plugins.tasks.schema import open_db
 from tests.missions.command import Outcome, Process, command
 from tests.waiting import wait_until
 

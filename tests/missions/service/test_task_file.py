@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from missions.service.lock import Taken, is_locked, locked
-from missions.service.schema import STEPS, VERSION, in_words, open_db, prepare
-from missions.service.task import Policy, TaskError
+from missions.plugins.tasks.lock import Taken, is_locked, locked
+from missions.plugins.tasks.schema import STEPS, VERSION, in_words, open_db, prepare
+from missions.plugins.tasks.task import Policy, TaskError
 from tests.missions.service.small_queue import new, shop
 
 ROOT = Path(__file__).parents[3]
@@ -227,9 +227,8 @@ def test_many_programs_may_make_it_at_once(tmp_path: Path) -> None:
 
 def test_whoever_else_opens_it_in_this_process_takes_no_lock_from_us(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
-    look = (
-        "import sys, pathlib; from missions.service.schema import open_db; open_db(pathlib.Path(sys.argv[1])).close()"
-    )
+    look = "import sys; from pathlib import Path; from missions.plugins.tasks.schema import open_db; "
+    look += "open_db(Path(sys.argv[1])).close()"
     insert = "INSERT INTO attempt (task, number, began) VALUES (1, ?, 0)"
     with closing(open_db(path)) as ours:
         ours.execute("PRAGMA foreign_keys = OFF")

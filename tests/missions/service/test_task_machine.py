@@ -15,8 +15,8 @@ from hypothesis import Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from missions.service.schema import open_db, prepare
-from missions.service.task import Claim, How, NewTask, Outcome, Policy, State, TaskError
+from missions.plugins.tasks.schema import open_db, prepare
+from missions.plugins.tasks.task import Claim, How, NewTask, Outcome, Policy, State, TaskError
 from tests.missions.service.small_queue import BERLIN, CHANNELS, START, Shop, new
 
 pytestmark = pytest.mark.long

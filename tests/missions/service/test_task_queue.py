@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.service.task import How, Outcome, Policy, State, TaskError
+from missions.plugins.tasks.task import How, Outcome, Policy, State, TaskError
 from tests.missions.service.small_queue import CHANNELS, RETRY, START, Shop, new, shop
 
 

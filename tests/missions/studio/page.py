@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from missions.studio.studio import PAGE
+from missions.plugins.studio.studio import PAGE
 from tests.browser import Browser, Element, Tab
 from tests.missions.studio.serving import Served
 from tests.waiting import wait_until

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 from drivers.clock import SystemClock
-from missions.studio import sockets
-from missions.studio.places import SYSTEM_ROOT
-from missions.studio.searching import Found, search
-from missions.studio.sockets import RunLink
+from missions.control import sockets
+from missions.control.places import SYSTEM_ROOT
+from missions.control.searching import Found, search
+from missions.control.sockets import RunLink
 from tests.missions.command import Process
 from tests.missions.lone_base import LONE_ROBOT, LoneBase, lone_base
 from tests.waiting import wait_until

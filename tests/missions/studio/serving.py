@@ -12,8 +12,8 @@ from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
-from missions.studio.messages import VERSION
-from missions.studio.searching import search
+from missions.control.messages import VERSION
+from missions.control.searching import search
 from tests.missions.command import Process
 
 PATIENCE = 60.0

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from drivers.clock import ManualClock
-from missions.studio.audience import IDLE, MOVING, Audience
+from missions.control.audience import IDLE, MOVING, Audience
 from tests.cases import each
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from missions.studio import sockets
-from missions.studio.control import MOST_CLIENTS
-from missions.studio.wishes import protocol
+from missions.control import sockets
+from missions.control.control import MOST_CLIENTS
+from missions.plugins.studio.wishes import protocol
 from tests.missions.command import PATIENCE, Process, command
 from tests.missions.studio.running import DRIVING, REST, Client, found_of, run_of, seconds_to_rest, simulated_run
 from tests.waiting import wait_until

@@ -14,14 +14,14 @@ from threading import Event
 
 import pytest
 
+from drivers.base.twin import BaseTwin
 from drivers.clock import SystemClock
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins.base import BaseTwin
-from missions.hands.teleop.pilot import MAX_STATE_AGE
-from missions.studio.audience import MOVING
-from missions.studio.commands import Drive
-from missions.studio.form import BadMessage
-from missions.studio.wheels import Wheels
+from missions.control.audience import MOVING
+from missions.control.commands import Drive
+from missions.control.form import BadMessage
+from missions.control.pilot import MAX_STATE_AGE
+from missions.control.wheels import Wheels
 from tests.missions.studio.lossy import lossy
 from tests.missions.studio.running import run_of, seconds_to_rest
 from tests.missions.studio.serving import Client, Served

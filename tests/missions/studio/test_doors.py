@@ -14,19 +14,19 @@ from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from drivers.clock import ManualClock, SystemClock
-from missions.studio import doors
-from missions.studio.doors import (
+from missions.plugins.studio import doors
+from missions.plugins.studio.doors import (
     ENTRY_TIME,
     HANDSHAKE_TIME,
     MIN_CONNECTIONS,
     MOST_CONNECTIONS,
     MOST_OF_ADDRESS,
+    RESERVED_DESCRIPTORS,
     Doors,
     Standing,
     Visit,
     network_of,
 )
-from missions.studio.spare import RESERVED_DESCRIPTORS
 from tests.cases import each
 from tests.missions.command import Process
 from tests.missions.studio.attacks import ATTACKS, MANY, attack, client_hello, plain, raw, request, said

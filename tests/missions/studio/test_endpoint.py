@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from missions.studio import abstract, sockets
-from missions.studio.endpoint import CHECK_INTERVAL, LISTENER, Endpoint
-from missions.studio.messages import Run
-from missions.studio.places import places
+from missions.control import abstract, sockets
+from missions.control.control import CHECK_INTERVAL, LISTENER, Endpoint
+from missions.control.messages import Run
+from missions.control.places import places
 from tests.missions.studio.running import found_of
 
 RUN = str(os.getpid())
@@ -125,7 +125,7 @@ def test_a_run_that_cannot_look_keeps_what_it_has(
         raise OSError(number, os.strerror(number))
 
     with monkeypatch.context() as patch:
-        patch.setattr("missions.studio.endpoint.socket.socket", refuse)
+        patch.setattr("missions.control.control.socket.socket", refuse)
         found.turn(CHECK_INTERVAL)
     assert found.listeners == before
     drain(found)

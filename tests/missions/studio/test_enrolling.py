@@ -13,14 +13,14 @@ from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import Pinhole, Viewpoint
 from drivers.sim.world import World
+from missions.control.commands import Command
+from missions.control.form import BadMessage
 from missions.library.folders import state_folder
-from missions.studio.access import Access
-from missions.studio.audit import Audit
-from missions.studio.commands import Command
-from missions.studio.form import BadMessage
-from missions.studio.launch import Launcher
-from missions.studio.studio import Studio
-from missions.studio.wishes import AddPerson, ShowPerson
+from missions.plugins.studio.access import Access
+from missions.plugins.studio.audit import Audit
+from missions.plugins.studio.launch import Launcher
+from missions.plugins.studio.studio import Studio
+from missions.plugins.studio.wishes import AddPerson, ShowPerson
 from tests.browser import Browser, chromium
 from tests.missions.command import Process
 from tests.missions.studio.page import Page

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from missions.control import sockets
+from missions.control.form import BadMessage
 from missions.executive.events import Event, FaultRaised
-from missions.order import RunRequest
+from missions.plugins.testing.faults import Faults
+from missions.plugins.testing.stage import IN_PROCESS
+from missions.request import RunRequest
 from missions.runner import Runner
-from missions.studio import sockets
-from missions.studio.faults import Faults
-from missions.studio.form import BadMessage
-from missions.testing.stage import IN_PROCESS
 from tests.browser import Browser
 from tests.missions.command import Process, command
 from tests.missions.studio.page import Page

@@ -11,11 +11,11 @@ import pytest
 
 from config.defaults import config_folder
 from config.fleet import FleetKeys
-from missions.studio import fleet
-from missions.studio.commands import Command
-from missions.studio.fleet import FleetDesk
-from missions.studio.form import BadMessage
-from missions.studio.wishes import Fleet, ReleaseFleet, StopFleet
+from missions.control.commands import Command
+from missions.control.form import BadMessage
+from missions.plugins.studio import studio as fleet
+from missions.plugins.studio.studio import FleetDesk
+from missions.plugins.studio.wishes import Fleet, ReleaseFleet, StopFleet
 from tests.missions.service.fleets import CountingBody, free_port, local_fleet, member, router
 
 PATIENCE = 60.0

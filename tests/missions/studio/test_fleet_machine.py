@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import pytest
 
-from missions.studio import machine
-from missions.studio.abstract import AbstractName
-from missions.studio.machine import Machine
-from missions.studio.processes import identity_of
-from missions.studio.searching import Doubt, Found, Search
+from missions.control.abstract import AbstractName
+from missions.control.processes import identity_of
+from missions.control.searching import Doubt, Found, Search
+from missions.plugins.fleet import machine
+from missions.plugins.fleet.machine import Machine
 
 
 class ThreadAtOnce:

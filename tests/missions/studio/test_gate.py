@@ -18,13 +18,12 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from drivers.clock import SystemClock
-from missions.studio.access import Access
-from missions.studio.app import routes
-from missions.studio.commands import LARGEST
-from missions.studio.doors import MOST_CONNECTIONS
-from missions.studio.reading import MAX_REFUSED_BYTES
-from missions.studio.tokens import keep_tokens, kept_tokens
-from missions.studio.wishes import COMMANDS, protocol
+from missions.control.commands import LARGEST
+from missions.control.reading import MAX_REFUSED_BYTES
+from missions.plugins.studio.access import Access, keep_tokens, kept_tokens
+from missions.plugins.studio.doors import MOST_CONNECTIONS
+from missions.plugins.studio.serving import routes
+from missions.plugins.studio.wishes import COMMANDS, protocol
 from tests.cases import each
 from tests.missions.command import command
 from tests.missions.studio.proxy import proxy

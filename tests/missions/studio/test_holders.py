@@ -15,11 +15,11 @@ from pathlib import Path
 import click
 import pytest
 
-from missions.studio import abstract, holders, notes, sockets, stopping
-from missions.studio.abstract import AbstractName
-from missions.studio.hub import Hub
-from missions.studio.searching import is_own
-from missions.studio.stopping import ask_all
+from missions.control import abstract, holders, notes, sockets, stopping
+from missions.control.abstract import AbstractName
+from missions.control.searching import is_own
+from missions.control.stopping import ask_all
+from missions.plugins.studio.hub import Hub
 from tests.missions.command import Process, command
 from tests.missions.hands.teleop.test_teleop_command import driving
 from tests.missions.lone_limbs import LoneLimbs, lone_limbs
@@ -130,7 +130,7 @@ def stopped(process: int) -> bool:
 def deaf(heeds: str = "SIG_IGN") -> Iterator[int]:
     """A process that holds a robot, and hears no SIGTERM, unless it ``heeds`` it."""
     program = (
-        "import signal, sys\nfrom missions.studio.holders import noted\n"
+        "import signal, sys\nfrom missions.control.holders import noted\n"
         f"signal.signal(signal.SIGTERM, signal.{heeds})\n"
         "with noted('teleop', 'turtlebot2'):\n    print(flush=True)\n    sys.stdin.read()\n"
     )
@@ -167,7 +167,7 @@ def test_the_stop_of_a_page_ends_commands_too_once_for_all_who_ask(monkeypatch: 
         return list(await asyncio.gather(*(hub.stop("", f"viewer {n}") for n in range(50))))
 
     monkeypatch.setattr(notes.Holder, "end", counted)
-    monkeypatch.setattr("missions.studio.hub.ENDING", 20.0)
+    monkeypatch.setattr("missions.plugins.studio.hub.ENDING", 20.0)
     with deaf(heeds="SIG_DFL") as number:
         told = asyncio.run(stops())
     assert told == [{str(number): {"ended": f"{number}: teleop on turtlebot2"}}] * 50

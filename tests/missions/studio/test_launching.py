@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.studio.ring import records_folder, records_in
+from missions.plugins.records.ring import records_folder, records_in
 from tests.missions.studio.running import run_of
 from tests.missions.studio.serving import Client, Served, studio
 

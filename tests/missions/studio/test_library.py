@@ -9,12 +9,11 @@ from threading import Event
 import pytest
 
 from config.defaults import config_folder
+from missions.control.form import BadMessage
 from missions.library.folders import checkup_file
-from missions.library.forms import load_with_own
-from missions.studio import library
-from missions.studio.form import BadMessage
-from missions.studio.time_limit import TimeLimitError
-from missions.studio.wishes import Library, Mission
+from missions.plugins.studio import library
+from missions.plugins.studio.library import TimeLimitError, load_with_own
+from missions.plugins.studio.wishes import Library, Mission
 from tests.cases import each
 
 SAYS = "mission: {}\ntree:\n  say: Hello\n"

@@ -9,7 +9,7 @@ from threading import Event, Thread
 import pytest
 from websockets.sync.client import connect
 
-from missions.studio.messages import VERSION
+from missions.control.messages import VERSION
 from tests.missions.lone_base import LoneBase
 from tests.missions.studio.running import REST, run_of, seconds_to_rest
 from tests.missions.studio.serving import Client, Served, studio

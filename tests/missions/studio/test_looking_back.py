@@ -14,15 +14,14 @@ import pytest
 from drivers.api import STILL, BaseState, Health, JointState, Pose2D, Quality, RangeScan, Reading
 from missions.executive.events import Ended, Logged, NodeChanged, VariableSet
 from missions.executive.tick_record import Answer, TickRecord
-from missions.records.recording.head import Contents
-from missions.records.recording.items import Checked, Feedback, packed, unpacked
-from missions.records.recording.sink import Sink
-from missions.records.recording.writer import RecordWriter
-from missions.studio import looking_back, moments
-from missions.studio.ring import records_folder
-from missions.studio.wishes import Moment, Records
-from missions.studio.wishes import Record as Asked
-from missions.views.pictures.tree_json import to_json
+from missions.plugins.records.recording.head import Contents
+from missions.plugins.records.recording.items import Checked, Feedback, packed, unpacked
+from missions.plugins.records.recording.writer import RecordWriter, Sink
+from missions.plugins.records.ring import records_folder
+from missions.plugins.studio import looking_back, moments
+from missions.plugins.studio.wishes import Moment, Records
+from missions.plugins.studio.wishes import Record as Asked
+from missions.trees.tree_json import to_json
 from tests.missions.records.report.told_record import DRAWING, FILES, WHERE, write
 
 

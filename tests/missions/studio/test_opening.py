@@ -11,10 +11,10 @@ from threading import Event
 import pytest
 
 from missions.library.folders import runtime_folder
-from missions.studio import opening
-from missions.studio.access import Access
-from missions.studio.opening import PageOpener, page_opener
-from missions.studio.serving import Place
+from missions.plugins.studio import opening
+from missions.plugins.studio.access import Access
+from missions.plugins.studio.opening import PageOpener, page_opener
+from missions.plugins.studio.serving import Place
 from tests.browser import Browser
 from tests.missions.command import command
 from tests.missions.studio.serving import Served, studio
@@ -70,7 +70,7 @@ def test_the_command_line_of_the_browser_has_no_token(
         wait_until(lambda: not files())
         return []
 
-    monkeypatch.setattr("missions.studio.serving.serve", serve)
+    monkeypatch.setattr("missions.plugins.studio.serving.serve", serve)
     assert command(capsys, "studio", "--port", "0", "--open").code == 0
     assert "token" not in started[0]
 

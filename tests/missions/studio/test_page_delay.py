@@ -6,7 +6,7 @@ from typing import cast
 
 import pytest
 
-from missions.hands.teleop.pilot import MAX_STATE_AGE
+from missions.control.pilot import MAX_STATE_AGE
 from tests.browser import Browser
 from tests.missions.lone_base import LoneBase
 from tests.missions.studio.lossy import lossy

@@ -8,8 +8,8 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
-from missions.studio.access import TRIES
-from missions.studio.ring import records_folder
+from missions.plugins.records.ring import records_folder
+from missions.plugins.studio.access import TRIES
 from tests.browser import Browser, Tab
 from tests.missions.records.report.told_record import items, write
 from tests.missions.studio.attacks import ATTACKS, attack

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.hands.teleop.pilot import MAX_STATE_AGE
+from missions.control.pilot import MAX_STATE_AGE
 from tests.browser import Browser, chromium
 from tests.missions.command import Process
 from tests.missions.lone_base import LoneBase

@@ -4,7 +4,7 @@ import re
 from itertools import product
 from pathlib import Path
 
-from missions.studio.studio import PAGE
+from missions.plugins.studio.studio import PAGE
 from tests.cases import each
 
 FILES = sorted(PAGE.iterdir())

@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import pytest
 
-from missions.studio.places import SESSION
+from missions.control.places import SESSION
 from tests.browser import Browser
 from tests.missions.studio.lossy import Lossy, lossy
 from tests.missions.studio.page import Page

@@ -7,9 +7,9 @@ import pytest
 
 from missions.executive.events import Ended
 from missions.library.shipped import load_mission
-from missions.studio.ring import records_folder
-from missions.views.pictures.draw import first_values
-from missions.views.words import in_words
+from missions.plugins.records.ring import records_folder
+from missions.trees.draw import first_values
+from missions.trees.words import in_words
 from tests.browser import Browser
 from tests.missions.records.report.told_record import FAILED, items, write
 from tests.missions.studio.page import Page

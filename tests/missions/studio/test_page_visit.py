@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from missions.control.form import BadMessage
 from missions.executive.events import NodeChanged
 from missions.library.folders import checkup_file, state_folder
-from missions.studio import library, looking_back
-from missions.studio.form import BadMessage
-from missions.studio.ring import records_folder
+from missions.plugins.records.ring import records_folder
+from missions.plugins.studio import library, looking_back
 from tests.browser import Browser
 from tests.missions.records.report.told_record import FAILED, WHERE, items, write
 from tests.missions.studio.page import DESKTOP, PHONE, VIEWS, Page

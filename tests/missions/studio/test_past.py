@@ -2,8 +2,8 @@
 
 from behaviours.robot import Robot
 from drivers.api import BaseState, Pose2D, Quality, Reading, Velocity
+from missions.control.outlet import MOST_PLACES, MOST_VALUES, PLACE_EVERY, Past
 from missions.executive.events import Ticked, VariableSet
-from missions.studio.outlet import MOST_PLACES, MOST_VALUES, PLACE_EVERY, Past
 
 
 class Rolling:

@@ -7,7 +7,7 @@ from contextlib import closing
 
 import pytest
 
-from missions.cli import studio
+from missions.plugins.studio import command as studio
 from tests.missions.command import PATIENCE, Process, command
 
 

@@ -10,7 +10,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from drivers.clock import ManualClock
-from missions.studio.access import MOST_SIGN_INS, ONCE_TIME, TRIES, WINDOW, Access
+from missions.plugins.studio.access import MOST_SIGN_INS, ONCE_TIME, TRIES, WINDOW, Access
 from tests.cases import each
 from tests.missions.studio.serving import PATIENCE, Served
 

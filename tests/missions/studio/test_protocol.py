@@ -6,11 +6,11 @@ from typing import Any
 import jsonschema
 import pytest
 
-from missions.studio.commands import LARGEST, Drive
-from missions.studio.form import BadMessage, members, written
-from missions.studio.messages import ERRORS, MESSAGES, Answer, Over, line_of
-from missions.studio.reading import id_in, read_command
-from missions.studio.wishes import COMMANDS, Start, protocol
+from missions.control.commands import LARGEST, Drive
+from missions.control.form import BadMessage, members, written
+from missions.control.messages import ERRORS, MESSAGES, Answer, Over, line_of
+from missions.control.reading import id_in, read_command
+from missions.plugins.studio.wishes import COMMANDS, Start, protocol
 from tests.cases import each
 
 SCHEMA: Any = protocol()

@@ -9,8 +9,8 @@ import pytest
 
 from config.defaults import FILE, config_folder, keep_default
 from drivers.clock import time_of_day
-from missions.cli.recording import record_wish
-from missions.studio import ring
+from missions.plugins.records import ring
+from missions.plugins.records.run_options import record_wish
 from tests.missions.command import command
 from tests.missions.lone_base import LONE_ROBOT, lone_base
 

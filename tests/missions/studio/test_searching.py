@@ -17,14 +17,15 @@ from typing import Self
 import pytest
 
 from missions.cli.root import mission
-from missions.studio import abstract, hub, places, sockets, stopping
-from missions.studio.abstract import AbstractName
-from missions.studio.commands import Watch
-from missions.studio.hub import UNKNOWN, Hub
-from missions.studio.notes import Notes
-from missions.studio.processes import identity_of
-from missions.studio.searching import BY_HAND, Found, Search, search
-from missions.studio.watching import Hearer
+from missions.control import abstract, places, sockets, stopping
+from missions.control.abstract import AbstractName
+from missions.control.commands import Watch
+from missions.control.notes import Notes
+from missions.control.processes import identity_of
+from missions.control.searching import BY_HAND, Found, Search, search
+from missions.plugins.studio import hub
+from missions.plugins.studio.hub import UNKNOWN, Hub
+from missions.plugins.studio.watching import Hearer
 from tests.missions.command import PATIENCE, command
 from tests.missions.studio.running import simulated_run
 from tests.waiting import wait_until
@@ -45,7 +46,7 @@ def sleeper(program: str = "import sys; sys.stdin.read()") -> Iterator[subproces
 
 NOTED = """
 import sys
-from missions.studio.notes import Notes
+from missions.control.notes import Notes
 notes = Notes({run}, "driving", "turtlebot2", "", is_run=True)
 notes.write(["/nowhere/4711.sock"])
 print("noted", flush=True)
@@ -181,7 +182,7 @@ def test_a_run_in_another_namespace_of_processes_is_a_doubt(
     write, own = json.dumps, identity_of(os.getpid())
     assert own is not None
     with monkeypatch.context() as patch:
-        patch.setattr("missions.studio.notes.json.dumps", lambda told: write({**told, "process": [1, 2, own.boot, 3]}))
+        patch.setattr("missions.control.notes.json.dumps", lambda told: write({**told, "process": [1, 2, own.boot, 3]}))
         notes = Notes("1", "driving", "turtlebot2", "", is_run=True)
         notes.write()
     told = command(capsys, "stop")
@@ -207,7 +208,7 @@ def in_another_container(patch: pytest.MonkeyPatch) -> None:
 def refuse_notes(patch: pytest.MonkeyPatch) -> None:
     """See runs as from outside of a container that has a number of its own for the boot: their notes do not count."""
     in_another_container(patch)
-    patch.setattr("missions.studio.searching.read_note", lambda _: None)
+    patch.setattr("missions.control.searching.read_note", lambda _: None)
 
 
 @pytest.mark.parametrize("see", [in_another_container, refuse_notes])
@@ -499,7 +500,7 @@ def test_a_studio_that_cannot_look_says_so_to_all(monkeypatch: pytest.MonkeyPatc
 
 
 def test_commands_are_found_without_any_folder_or_list(monkeypatch: pytest.MonkeyPatch) -> None:
-    program = "import sys\nfrom missions.studio.holders import noted\nwith noted('teleop', 'r'):\n"
+    program = "import sys\nfrom missions.control.holders import noted\nwith noted('teleop', 'r'):\n"
     with sleeper(f"{program}    print(flush=True)\n    sys.stdin.read()\n") as process:
         assert process.stdout is not None
         process.stdout.readline()

@@ -13,16 +13,16 @@ from typing import Any
 import pytest
 
 from drivers.clock import SystemClock
-from missions.studio import slow_folders, sockets
-from missions.studio.endpoint import CHECK_INTERVAL, Endpoint
-from missions.studio.messages import Run
-from missions.studio.places import places
-from missions.studio.processes import identity_of
-from missions.studio.searching import search
-from missions.studio.slow_folders import FolderTimeoutError, all_within, within
-from missions.studio.sockets import RunLink
-from missions.studio.stop_stamp import is_stopped_since, write_stamp
-from missions.studio.stopping import ask_all
+from missions.control import places as slow_folders
+from missions.control import sockets
+from missions.control.control import CHECK_INTERVAL, Endpoint
+from missions.control.messages import Run
+from missions.control.notes import is_stopped_since, write_stamp
+from missions.control.places import FolderTimeoutError, all_within, places, within
+from missions.control.processes import identity_of
+from missions.control.searching import search
+from missions.control.sockets import RunLink
+from missions.control.stopping import ask_all
 from tests.missions.studio.running import DRIVING, REST, run_of, seconds_to_rest
 from tests.waiting import wait_until
 

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from missions.studio import stop_stamp
-from missions.studio.places import places
-from missions.studio.processes import identity_of
-from missions.studio.stop_stamp import NAME, is_stopped_since, write_stamp
-from missions.studio.stopping import ask_all
+from missions.control import notes
+from missions.control.notes import NAME, is_stopped_since, write_stamp
+from missions.control.places import places
+from missions.control.processes import identity_of
+from missions.control.stopping import ask_all
 from tests.missions.command import PATIENCE, command
 
 HELD_UP = "open({gate!r}).read()  # waits until somebody has written there\n"
@@ -46,9 +46,9 @@ def test_a_run_that_started_before_a_stop_ends_before_it_begins(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *, stopped: bool
 ) -> None:
     if not stopped:
-        before = stop_stamp._uptime() - 1000
+        before = notes._uptime() - 1000
         with monkeypatch.context() as earlier:
-            earlier.setattr(stop_stamp, "_uptime", lambda: before)
+            earlier.setattr(notes, "_uptime", lambda: before)
             write_stamp()
     with loading(tmp_path, "run", brief(tmp_path), "--simulate", "fast") as (process, gate):
         if stopped:
@@ -106,7 +106,7 @@ def test_a_stop_that_no_folder_can_note_is_a_doubt(
     def fail(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(stop_stamp, "_write", fail)
+    monkeypatch.setattr(notes, "_write", fail)
     stopped = command(capsys, "stop")
     assert (stopped.code, "perhaps not stopped" in stopped.err) == (1, True)
 

@@ -16,18 +16,18 @@ import pytest
 from starlette.websockets import WebSocketDisconnect
 
 from drivers.clock import ManualClock
-from missions.studio import sockets
-from missions.studio.access import Access
-from missions.studio.audit import Audit
-from missions.studio.commands import Stop
-from missions.studio.form import BadMessage
-from missions.studio.launch import Launcher
-from missions.studio.link import Link
-from missions.studio.messages import Runs
-from missions.studio.reader import Reader
-from missions.studio.session import Session
-from missions.studio.studio import Studio
-from missions.studio.wishes import Start, Tasks
+from missions.control import sockets
+from missions.control.commands import Stop
+from missions.control.form import BadMessage
+from missions.control.messages import Runs
+from missions.plugins.studio.access import Access
+from missions.plugins.studio.audit import Audit
+from missions.plugins.studio.launch import Launcher
+from missions.plugins.studio.link import Link
+from missions.plugins.studio.reader import Reader
+from missions.plugins.studio.session import Session
+from missions.plugins.studio.studio import Studio
+from missions.plugins.studio.wishes import Start, Tasks
 from tests.missions.studio.running import found_of
 
 PATIENCE = 60.0
@@ -204,10 +204,10 @@ def test_files_that_take_too_long_to_read_keep_no_others_from_being_read(monkeyp
         for each in hanging:
             with pytest.raises(BadMessage):
                 await each
-        monkeypatch.setattr("missions.studio.reader.PATIENCE", PATIENCE)
+        monkeypatch.setattr("missions.plugins.studio.reader.PATIENCE", PATIENCE)
         assert (await reader.do(Tasks()))["tasks"] == []
 
-    monkeypatch.setattr("missions.studio.reader.PATIENCE", 0.5)
+    monkeypatch.setattr("missions.plugins.studio.reader.PATIENCE", 0.5)
     reader = Reader()
     try:
         asyncio.run(asyncio.wait_for(work(), 2 * PATIENCE))

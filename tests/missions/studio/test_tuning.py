@@ -13,11 +13,11 @@ import pytest
 from config.library import find
 from drivers.api import STILL, BaseLimits, BaseState, Curbed, HeadPose, JointLimits, Pose2D, Velocity
 from drivers.errors import BadRequest
-from missions.order import RunRequest
+from missions.control import sockets
+from missions.control.doing import Tuning
+from missions.control.form import BadMessage
+from missions.request import RunRequest
 from missions.runner import Runner
-from missions.studio import sockets
-from missions.studio.doing import Tuning
-from missions.studio.form import BadMessage
 from tests.browser import Browser
 from tests.missions.command import Process
 from tests.missions.studio.page import Page

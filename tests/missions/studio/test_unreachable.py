@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from missions.control import abstract
 from missions.runner import Runner
-from missions.studio import abstract
 from tests.missions.command import Process, command
 from tests.missions.lone_base import LONE_ROBOT, lone_base
 from tests.missions.studio.running import found_of, nowhere

@@ -9,10 +9,10 @@ from functools import partial
 from typing import Any
 
 from drivers.clock import ManualClock
-from missions.studio import sockets
-from missions.studio.commands import Watch
-from missions.studio.link import Link
-from missions.studio.watching import Hearer, Watching
+from missions.control import sockets
+from missions.control.commands import Watch
+from missions.plugins.studio.link import Link
+from missions.plugins.studio.watching import Hearer, Watching
 
 PATIENCE = 60.0
 RUN = str(os.getpid())

@@ -6,12 +6,11 @@ import pytest
 
 from drivers.api import STILL, HeadPose, Source, Velocity
 from drivers.clock import ManualClock
-from missions.hands.teleop.pilot import MAX_STATE_AGE
-from missions.studio.commands import Drive, Look
-from missions.studio.form import BadMessage
-from missions.studio.state_stamps import KEPT_TIME
-from missions.studio.wheels import Wheels
-from missions.testing.recorders import STOP, RecordedBase, RecordedHead
+from missions.control.commands import Drive, Look
+from missions.control.form import BadMessage
+from missions.control.pilot import MAX_STATE_AGE
+from missions.control.wheels import KEPT_TIME, Wheels
+from missions.plugins.testing.recorders import STOP, RecordedBase, RecordedHead
 
 
 class Driving:

@@ -3,9 +3,9 @@
 from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
 
-from missions.testing.play import Verdict, play
-from missions.testing.stage import IN_PROCESS
-from missions.testing.suite import Case, load_suite
+from missions.plugins.testing.play import Verdict, play
+from missions.plugins.testing.stage import IN_PROCESS
+from missions.plugins.testing.suite import Case, load_suite
 
 TRIES = "mission: m\ntree: {drive: 40 cm, retry: 2}\n"
 DRIVES = "mission: m\ntree: {drive: 40 cm}\n"

@@ -6,11 +6,10 @@ from pathlib import Path
 import pytest
 
 from missions.library.shipped import shipped_missions
-from missions.testing.coverage import FileCoverage, coverage, lines_of
-from missions.testing.coverage_page import page
-from missions.testing.play import play
-from missions.testing.stage import IN_PROCESS
-from missions.testing.suite import load_suite
+from missions.plugins.testing.coverage import FileCoverage, coverage, lines_of, page
+from missions.plugins.testing.play import play
+from missions.plugins.testing.stage import IN_PROCESS
+from missions.plugins.testing.suite import load_suite
 from tests.missions.command import command
 
 MISSION = """\

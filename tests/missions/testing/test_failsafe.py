@@ -6,13 +6,13 @@ from random import Random
 import pytest
 
 from drivers.api import Sides
-from drivers.base.steered import settings_of
+from drivers.base.arbitrated import settings_of
 from drivers.kobuki.driver import DOZE, KobukiBase
+from drivers.kobuki.virtual import VirtualKobuki
 from drivers.sim.timeline import Timeline
-from drivers.virtual.kobuki import VirtualKobuki
-from missions.testing.failsafe.eyes import StagedRanger
-from missions.testing.failsafe.ride import Moment, Nobody, Ride, stepped_through
-from missions.testing.failsafe.settings import CHOICES, NOTHING, Setting, keys_for
+from missions.plugins.testing.failsafe.eyes import StagedRanger
+from missions.plugins.testing.failsafe.ride import Moment, Nobody, Ride, stepped_through
+from missions.plugins.testing.failsafe.settings import CHOICES, NOTHING, Setting, keys_for
 from tests.drivers.cranked import HandWire
 from tests.tries import tries
 

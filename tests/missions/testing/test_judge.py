@@ -8,10 +8,10 @@ from config.faults import Mark
 from drivers.api import Pose2D
 from missions.executive.events import CommandSent, Event, FaultRaised, Logged, NodeChanged, Notified, ReflexFired
 from missions.executive.executive import Result
-from missions.testing.expectations import Expectation, Item, Place
-from missions.testing.history import History
-from missions.testing.judge import CHECKS, judge
-from missions.testing.moments import EventSpec
+from missions.plugins.testing.expectations import Expectation, Item, Place
+from missions.plugins.testing.history import History
+from missions.plugins.testing.moments import EventSpec
+from missions.plugins.testing.play import CHECKS, judge
 
 
 def node(time: float, name: str, status: str, reason: str = "", *, key: str = "1.1", kind: str = "leaf") -> Event:

@@ -13,11 +13,10 @@ import pytest
 
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS, USAGE
 from missions.library.shipped import shipped_missions
-from missions.testing.files import all_tests, named_tests
-from missions.testing.junit import junit
-from missions.testing.many import GONE, play_all
-from missions.testing.play import Verdict
-from missions.testing.suite import load_suite
+from missions.plugins.testing.many import GONE, play_all
+from missions.plugins.testing.play import Verdict
+from missions.plugins.testing.report import junit
+from missions.plugins.testing.suite import all_tests, load_suite, named_tests
 from tests.missions.command import command
 from tests.missions.testing.playing import WAITS, cases, play_here, seen, write
 
@@ -41,7 +40,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("missions.cli.test.play_all", play_here)
+    monkeypatch.setattr("missions.plugins.testing.commands.test.play_all", play_here)
 
 
 FETCH = {

@@ -10,10 +10,10 @@ from behaviours.sight import FindFace
 from config.faults import Diagnostic, Mark, Source
 from config.marked import Scalar
 from missions.language.plan import Step
-from missions.testing.mocks import Cast, MockSpec, fits
-from missions.testing.phrases import Phrase
-from missions.testing.recorders import Bench
-from missions.testing.script import read_script
+from missions.plugins.testing.mocks import Cast, MockSpec, fits
+from missions.plugins.testing.phrases import Phrase
+from missions.plugins.testing.recorders import Bench
+from missions.plugins.testing.script import read_script
 from perception.api import Face
 
 

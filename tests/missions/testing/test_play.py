@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from behaviours.driving.straight import Drive
+from behaviours.driving.motion import Drive
 from missions.executive.events import Ticked
-from missions.testing.history import History
-from missions.testing.play import play
-from missions.testing.recorders import Bench
-from missions.testing.stage import IN_PROCESS, Stage
+from missions.plugins.testing.history import History
+from missions.plugins.testing.play import play
+from missions.plugins.testing.recorders import Bench
+from missions.plugins.testing.stage import IN_PROCESS, Stage
 from tests.missions.testing.playing import BLINKS, DRIVES, LOOKS, SPEAKS, TRIES, WAITS, WAVES, cases, played, seen
 
 

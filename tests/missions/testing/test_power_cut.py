@@ -9,10 +9,10 @@ from random import Random
 
 import pytest
 
-from missions.records.recording.faults import InvalidRecordError
-from missions.records.recording.read import open_record
-from missions.service.queue import Queue
-from missions.service.schema import open_db
+from missions.plugins.records.recording.faults import InvalidRecordError
+from missions.plugins.records.recording.read import open_record
+from missions.plugins.tasks.queue import Queue
+from missions.plugins.tasks.schema import open_db
 from tests.power import ACKNOWLEDGED, Call, after_cut, recordable, recorded
 
 pytestmark = pytest.mark.skipif(not recordable(), reason="strace is not here, or may not look at other programs")
@@ -23,9 +23,9 @@ CUTS = int(os.environ.get("CUTS", "25"))
 QUEUE = """
 import sys
 from pathlib import Path
-from missions.service.queue import Queue
-from missions.service.schema import open_db
-from missions.service.task import NewTask, Outcome, Policy
+from missions.plugins.tasks.queue import Queue
+from missions.plugins.tasks.schema import open_db
+from missions.plugins.tasks.task import NewTask, Outcome, Policy
 
 queue = Queue(open_db(Path(sys.argv[1]) / "tasks.db"), lambda _: ())
 for number in range(int(sys.argv[2])):

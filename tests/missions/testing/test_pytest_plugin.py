@@ -8,8 +8,8 @@ import pytest
 
 from drivers.clock import ManualClock
 from drivers.sim.world import World
-from missions.testing.ran import Ran
-from missions.testing.recorders import STOP, Bench, drive
+from missions.plugins.testing.ran import Ran
+from missions.plugins.testing.recorders import STOP, Bench, drive
 from tests.missions.testing.playing import write
 
 pytest_plugins = ["pytester"]

@@ -7,9 +7,9 @@ import pytest
 
 from config.faults import Diagnostic, InvalidFileError, Mark, Source
 from config.marked import Scalar
-from missions.testing.mishaps import Mishap, read_mishap
-from missions.testing.moments import EventSpec, read_moment
-from missions.testing.phrases import Phrase
+from missions.plugins.testing.mishaps import Mishap, read_mishap
+from missions.plugins.testing.moments import EventSpec, read_moment
+from missions.plugins.testing.phrases import Phrase
 from tests.missions.testing.playing import DRIVES, cases, played, seen
 
 

@@ -11,10 +11,10 @@ import pytest
 from config.library import DEFAULT_ROBOT, find
 from missions.library.drivers import load_robot
 from missions.library.shipped import shipped_missions
-from missions.records.replay.rerun import rerun
-from missions.testing.mocks import Cast
-from missions.testing.report import failure
-from missions.testing.suite import Case, beside, load_suite
+from missions.plugins.records.replay.rerun import rerun
+from missions.plugins.testing.mocks import Cast
+from missions.plugins.testing.report import failure
+from missions.plugins.testing.suite import Case, beside, load_suite
 from tests.missions.records.replay.past import Past, past_of_case
 
 SHARE = 4

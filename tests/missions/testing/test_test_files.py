@@ -8,11 +8,11 @@ import pytest
 from config.faults import InvalidFileError
 from missions.language.plan import Plan
 from missions.library.shipped import load_mission
-from missions.testing import context
-from missions.testing.expectations import Place
-from missions.testing.mishaps import Mishap
-from missions.testing.moments import EventSpec
-from missions.testing.suite import Case, load_suite
+from missions.plugins.testing import context
+from missions.plugins.testing.expectations import Place
+from missions.plugins.testing.mishaps import Mishap
+from missions.plugins.testing.moments import EventSpec
+from missions.plugins.testing.suite import Case, load_suite
 
 MISSION = """mission: nod
 params: {times: {type: count}, text: {default: Hello}}

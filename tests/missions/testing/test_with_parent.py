@@ -12,7 +12,7 @@ from tests.waiting import wait_until
 
 PLAYS = """
 import time
-from missions.testing.many import do_all
+from missions.plugins.testing.many import do_all
 print("started", flush=True)
 list(do_all(time.sleep, [600.0, 600.0], float, jobs=2))
 """

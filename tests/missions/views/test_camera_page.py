@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from drivers.api import Image
-from missions.views.camera.served import WIDEST, CameraPage
+from missions.plugins.setup.camera_page.served import WIDEST, CameraPage
 from tests.browser import Browser
 from tests.waiting import wait_until
 

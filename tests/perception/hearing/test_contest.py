@@ -8,9 +8,8 @@ import pytest
 
 from perception.hearing.acoustic_model import STATES, AcousticModel, Fits
 from perception.hearing.contest import Contest
-from perception.hearing.denoise import clarified, dithered
 from perception.hearing.lexicon import model_folder
-from perception.hearing.sound import RATE, Floats, Samples
+from perception.hearing.sound import RATE, Floats, Samples, clarified, dithered
 from tests.benchmarks.speaking import Speaking
 
 pytest.importorskip("pocketsphinx")

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.hearing.denoise import LOUD, WINDOW, clarified, dithered, filtered
-from perception.hearing.sound import RATE, Floats, Samples, levels
+from perception.hearing.sound import LOUD, RATE, WINDOW, Floats, Samples, clarified, dithered, filtered, levels
 
 
 def hiss(count: int, loudness: float, seed: int = 0) -> Floats:

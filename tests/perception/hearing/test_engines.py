@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from drivers.clock import SystemClock
-from drivers.pipe import Worker
+from drivers.transport.pipe import Worker
 from perception.hearing.acceptance import learned
 from perception.hearing.endpoint import Clip
 from perception.hearing.engines import BEATEN, NOTHING, Modelled, Sherpa, Sphinx, Vosk, weighed

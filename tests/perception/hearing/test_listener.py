@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from perception.api import Hearing
-from perception.hearing.ears import Ears
-from perception.hearing.listener import CLIP_TIMEOUT, START, Listener, RecogniserState
+from perception.hearing.listener import CLIP_TIMEOUT, START, Ears, Listener, RecogniserState
 from perception.hearing.sound import RATE, Piece
 from tests.machines import walk
 from tests.perception.hearing.workers import LengthEngine, ScriptedWorker, bits, talk

@@ -4,12 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.hearing.accents import variants
 from perception.hearing.confusion import confusable
 from perception.hearing.grammar import END, START, Grammar, fault_of, normalised
-from perception.hearing.lexicon import Lexicon
-from perception.hearing.mnemonics import phones_of
-from perception.hearing.phones import KIND_OF, VOWELS
+from perception.hearing.lexicon import Lexicon, variants
+from perception.hearing.phones import KIND_OF, VOWELS, phones_of
 
 DICTIONARY = """stop S T AA P
 start S T AA R T

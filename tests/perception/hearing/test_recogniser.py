@@ -9,12 +9,11 @@ pytest.importorskip("pocketsphinx")
 
 from perception.hearing import recogniser_worker
 from perception.hearing.contest import Entry
-from perception.hearing.denoise import clarified
 from perception.hearing.engines import BEATEN
 from perception.hearing.grammar import Grammar
 from perception.hearing.lexicon import english
 from perception.hearing.recogniser_worker import COMMON, CONNECTED, SHORT, Recogniser, decoys, margin
-from perception.hearing.sound import RATE, Samples
+from perception.hearing.sound import RATE, Samples, clarified
 from tests.benchmarks.speaking import Speaking
 from tests.benchmarks.spoken import HISS, levelled, trimmed
 

@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator
 
-from drivers.api.driver import Site
-from drivers.api.findings import Finding, wrong
+from drivers.api.driver import Finding, Site, wrong
 from drivers.api.probing import Ask
 from drivers.finding.asking import OpenedPort
 from sample_robot.declared import RoverKeys

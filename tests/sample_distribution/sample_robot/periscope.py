@@ -2,7 +2,7 @@
 
 from drivers.api import Joints
 from drivers.api.driver import Site
-from drivers.joints_head import JointAxis, NeckDriver
+from drivers.head.joints_head import JointAxis, NeckDriver
 from sample_robot.declared import PeriscopeKeys
 
 

@@ -32,8 +32,8 @@ from drivers.base.limits import Limits
 from drivers.base.velocity_multiplexer import VelocityMultiplexer
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
-from drivers.history import History
-from drivers.link import Link
+from drivers.transport.history import History
+from drivers.transport.link import Link
 from sample_robot.declared import RoverKeys
 
 SILENT = 0.3
@@ -177,7 +177,7 @@ class Rover:
         found = self._headings.at(stamp)
         return None if found is None else found[0]
 
-    # drivers.link.Talker, called from the link's thread.
+    # drivers.transport.link.Talker, called from the link's thread.
 
     def connected(self) -> None:
         """Begin anew."""

@@ -1,9 +1,9 @@
 """Twins for simulated time."""
 
+from drivers.base.twin import BaseTwin
+from drivers.servos.neck_twin import NeckTwin
 from drivers.sim.stage import Stage
 from drivers.sim.twins import making
-from drivers.sim.twins.base import BaseTwin
-from drivers.sim.twins.neck import NeckTwin
 from sample_robot.declared import PeriscopeKeys, RoverKeys
 from sample_robot.periscope import axes
 

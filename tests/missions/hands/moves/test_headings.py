@@ -7,8 +7,8 @@ import pytest
 
 from config.faults import InvalidFileError
 from drivers.api.sections import ArmKeys
-from missions.hands.moves.headings import Heading, heading_of, joint_called, time_unit
-from missions.hands.moves.load import load_move
+from missions.library.moves.load import load_move
+from missions.library.moves.sheet import Heading, heading_of, joint_called, time_unit
 from tests.missions.hands.moves.test_load import ARM
 from tests.missions.hands.moves.workbooks import Row, write_ods, write_xlsx
 

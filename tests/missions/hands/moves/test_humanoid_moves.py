@@ -7,8 +7,8 @@ import pytest
 
 from config.library import shipped
 from drivers.api.sections import ArmKeys
-from missions.hands.moves.load import load_move
 from missions.library.drivers import load_robot
+from missions.library.moves.load import load_move
 
 
 def humanoid() -> ArmKeys:

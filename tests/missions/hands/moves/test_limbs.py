@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from missions.hands.moves.limbs import angle_at, steadied
+from missions.library.moves.load import angle_at, steadied
 
 LENGTH = st.floats(-10, 10)
 POINTS = st.tuples(LENGTH, LENGTH, LENGTH)

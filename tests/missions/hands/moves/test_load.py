@@ -10,9 +10,9 @@ from config.gesture import GestureConfig, gesture_of
 from config.writing import gesture_text
 from drivers.api import Gesture, Keyframe
 from drivers.api.sections import ArmKeys
-from drivers.dynamixel.models import MODELS
-from missions.hands.moves.load import load_move
+from drivers.servos.models import MODELS
 from missions.library.drivers import robot_of
+from missions.library.moves.load import load_move
 from tests.missions.hands.moves.workbooks import Row, write_ods, write_xlsx
 
 ARM = robot_of(

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from config.faults import InvalidFileError
-from missions.hands.moves import sheet as sheets
-from missions.hands.moves import workbook
-from missions.hands.moves.sheet import read_sheet
+from missions.library.moves import sheet as sheets
+from missions.library.moves import sheet as workbook
+from missions.library.moves.sheet import read_sheet
 from tests.missions.hands.moves.workbooks import Row, write_ods, write_xlsx
 
 ROWS: list[Row] = [("time", "elbow", "wrist"), (0.0, 0.0, 0.25), (0.5, 0.5, 0.25), (1.0, 1.25, -0.5)]

@@ -13,20 +13,20 @@ from random import Random
 
 import pytest
 
+from drivers.arduino.twin import HeadTwin
+from drivers.base.twin import BaseTwin
 from drivers.clock import ManualClock
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins.base import BaseTwin
-from drivers.sim.twins.head import HeadTwin
 from missions.cli.keys import Keys
-from missions.cli.terminal_line import ancestors, line_to
-from missions.hands.teleop.line_delay import (
+from missions.control.pilot import MAX_STATE_AGE, Pilot
+from missions.plugins.teleop.command import ancestors, line_to
+from missions.plugins.teleop.turns import (
     ANSWER_TIMEOUT,
     FIRST_ANSWER_TIMEOUT,
     MAX_OPEN_QUESTIONS,
     LineDelay,
+    drive_by_hand,
 )
-from missions.hands.teleop.pilot import MAX_STATE_AGE, Pilot
-from missions.hands.teleop.turns import drive_by_hand
 from tests.drivers.test_twins import PAN, TILT
 from tests.tries import tries
 

@@ -15,15 +15,25 @@ from hypothesis import strategies as st
 from drivers.api import DeviceStatus
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import DriverError, NotConnected
-from missions.hands.teleop import events, pad, pad_store
-from missions.hands.teleop.beside import Beside
-from missions.hands.teleop.events import Event, Span
-from missions.hands.teleop.layout import D_MODE, STANDARD, Control, PadLayout, PadModel, Stick, layout_for
-from missions.hands.teleop.pad import Pad, find_pad, find_pads
-from missions.hands.teleop.pad_store import keep_taught, load_taught
-from missions.hands.teleop.pilot import ENABLE, LATCH, Push
-from missions.hands.teleop.teaching import ANSWER_TIMEOUT, MAX_TRIES, Teacher, TeachingError
-from missions.testing.recorders import RecordedBase
+from missions.control.pilot import ENABLE, LATCH, Push
+from missions.plugins.teleop import layout as events
+from missions.plugins.teleop import pad, pad_store
+from missions.plugins.teleop.beside import Beside
+from missions.plugins.teleop.layout import (
+    D_MODE,
+    STANDARD,
+    Control,
+    Event,
+    PadLayout,
+    PadModel,
+    Span,
+    Stick,
+    layout_for,
+)
+from missions.plugins.teleop.pad import Pad, find_pad, find_pads
+from missions.plugins.teleop.pad_store import keep_taught, load_taught
+from missions.plugins.teleop.teaching import ANSWER_TIMEOUT, MAX_TRIES, Teacher, TeachingError
+from missions.plugins.testing.recorders import RecordedBase
 from tests.missions.command import command
 from tests.tries import tries
 from tests.waiting import wait_until
@@ -407,9 +417,9 @@ def test_the_command_teaches_a_pad_and_keeps_it(
     mine = person()
     node = at_home / "event7"
     node.write_bytes(b"")
-    monkeypatch.setattr("missions.cli.teleop.SystemClock", lambda: mine.clock)
-    monkeypatch.setattr("missions.cli.teleop._pause", mine.clock.advance)
-    monkeypatch.setattr("missions.cli.teleop.click.echo", mine.say)
+    monkeypatch.setattr("missions.plugins.teleop.command.SystemClock", lambda: mine.clock)
+    monkeypatch.setattr("missions.plugins.teleop.command._pause", mine.clock.advance)
+    monkeypatch.setattr("missions.plugins.teleop.command.click.echo", mine.say)
     monkeypatch.setattr(pad, "ask_model", lambda _: STRANGER)
     monkeypatch.setattr(Pad, "axes", lambda *_: (SPANS, mine.values))
     monkeypatch.setattr(Pad, "events", lambda _: mine.events())

@@ -7,14 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.api import COMMAND_LIFE, HeadPose, Sides, Source, Velocity
+from drivers.base.twin import BaseTwin
 from drivers.clock import ManualClock
 from drivers.errors import NotConnected
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins.base import BaseTwin
-from missions.hands.teleop.keymap import AGAIN, FIRST, HELP, MOVES, Held
-from missions.hands.teleop.pilot import MAX_SHARE, MIN_SHARE, PACES, STEP, Pilot, Push
-from missions.hands.teleop.turns import TICK, drive_by_hand
-from missions.testing.recorders import ENABLE, STOP, RecordedBase, RecordedHead
+from missions.control.pilot import MAX_SHARE, MIN_SHARE, PACES, STEP, Pilot, Push
+from missions.plugins.teleop.keymap import AGAIN, FIRST, HELP, MOVES, Held
+from missions.plugins.teleop.turns import TICK, drive_by_hand
+from missions.plugins.testing.recorders import ENABLE, STOP, RecordedBase, RecordedHead
 
 FULL, TURNING = 0.5, 1.9
 """The limits of the twin: m/s, rad/s."""

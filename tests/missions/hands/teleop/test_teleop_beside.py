@@ -12,21 +12,21 @@ from drivers.api import DeviceStatus, Source, Velocity
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NotConnected
 from drivers.kobuki.driver import KobukiBase
+from drivers.kobuki.virtual import VirtualKobuki
 from drivers.kobuki.wire import BAUD
-from drivers.link import Link
-from drivers.virtual.kobuki import VirtualKobuki
+from drivers.transport.link import Link
 from drivers.virtual.terminal import Terminal
-from missions.hands.teleop import events
-from missions.hands.teleop.beside import Beside
-from missions.hands.teleop.events import Event as Told
-from missions.hands.teleop.events import Span
-from missions.hands.teleop.pad import Pad
-from missions.testing.recorders import RecordedBase
+from missions.plugins.teleop import layout
+from missions.plugins.teleop.beside import Beside
+from missions.plugins.teleop.layout import Event as Told
+from missions.plugins.teleop.layout import Span
+from missions.plugins.teleop.pad import Pad
+from missions.plugins.testing.recorders import RecordedBase
 from tests.missions.command import command
 from tests.waiting import wait_until
 
-BACK = Told(events.ABS, events.STICK_Y, 32767)
-HOLD, LET_GO = (Told(events.KEY, events.SHOULDER_LEFT, value) for value in (1, 0))
+BACK = Told(layout.ABS, layout.STICK_Y, 32767)
+HOLD, LET_GO = (Told(layout.KEY, layout.SHOULDER_LEFT, value) for value in (1, 0))
 
 
 class Node:

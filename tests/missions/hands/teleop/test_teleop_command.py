@@ -16,7 +16,7 @@ import pytest
 
 from config.library import find
 from drivers.clock import SystemClock
-from missions.hands.teleop.pilot import MAX_STATE_AGE
+from missions.control.pilot import MAX_STATE_AGE
 from missions.library.drivers import load_robot
 from tests.forked import Forked
 from tests.missions.command import command

@@ -12,29 +12,29 @@ from hypothesis import strategies as st
 
 from drivers.clock import ManualClock
 from drivers.errors import NotConnected
-from missions.hands.teleop import events, pad
-from missions.hands.teleop.events import Event, Span, events_of, span_of, span_request
-from missions.hands.teleop.pad import DEAD, SILENCE, Pad, find_pad
-from missions.hands.teleop.pilot import ENABLE, LATCH, Pilot, Push
-from missions.hands.teleop.turns import drive_by_hand
-from missions.testing.recorders import RecordedBase
+from missions.control.pilot import ENABLE, LATCH, Pilot, Push
+from missions.plugins.teleop import layout, pad
+from missions.plugins.teleop.layout import Event, Span, events_of, span_of, span_request
+from missions.plugins.teleop.pad import DEAD, SILENCE, Pad, find_pad
+from missions.plugins.teleop.turns import drive_by_hand
+from missions.plugins.testing.recorders import RecordedBase
 
 TIME = bytes(2 * calcsize("l"))
 
 GOLDEN = [
-    ("03 00 01 00 00 80 FF FF", Event(events.ABS, events.STICK_Y, -32768)),
-    ("03 00 00 00 FF 7F 00 00", Event(events.ABS, events.STICK_X, 32767)),
-    ("03 00 10 00 FF FF FF FF", Event(events.ABS, events.HAT_X, -1)),
-    ("01 00 36 01 01 00 00 00", Event(events.KEY, events.SHOULDER_LEFT, 1)),
-    ("01 00 31 01 01 00 00 00", Event(events.KEY, events.EAST, 1)),
-    ("01 00 3B 01 00 00 00 00", Event(events.KEY, events.START, 0)),
-    ("00 00 00 00 00 00 00 00", Event(events.SYN, 0, 0)),
-    ("00 00 03 00 00 00 00 00", Event(events.SYN, events.SYN_DROPPED, 0)),
+    ("03 00 01 00 00 80 FF FF", Event(layout.ABS, layout.STICK_Y, -32768)),
+    ("03 00 00 00 FF 7F 00 00", Event(layout.ABS, layout.STICK_X, 32767)),
+    ("03 00 10 00 FF FF FF FF", Event(layout.ABS, layout.HAT_X, -1)),
+    ("01 00 36 01 01 00 00 00", Event(layout.KEY, layout.SHOULDER_LEFT, 1)),
+    ("01 00 31 01 01 00 00 00", Event(layout.KEY, layout.EAST, 1)),
+    ("01 00 3B 01 00 00 00 00", Event(layout.KEY, layout.START, 0)),
+    ("00 00 00 00 00 00 00 00", Event(layout.SYN, 0, 0)),
+    ("00 00 03 00 00 00 00 00", Event(layout.SYN, layout.SYN_DROPPED, 0)),
 ]
 
-HOLD, LET_GO = (Event(events.KEY, events.SHOULDER_LEFT, value) for value in (1, 0))
-AHEAD = Event(events.ABS, events.STICK_Y, -32768)
-RIGHT = Event(events.ABS, events.STICK_X, 32767)
+HOLD, LET_GO = (Event(layout.KEY, layout.SHOULDER_LEFT, value) for value in (1, 0))
+AHEAD = Event(layout.ABS, layout.STICK_Y, -32768)
+RIGHT = Event(layout.ABS, layout.STICK_X, 32767)
 
 
 class Held:
@@ -106,9 +106,9 @@ def test_the_stick_drives_only_while_the_shoulder_button_is_held(held: Held) -> 
 
 
 def test_near_its_middle_a_stick_is_in_its_middle_and_small_pushes_are_fine_ones(held: Held) -> None:
-    held.do(HOLD, Event(events.ABS, events.STICK_Y, 3000))
+    held.do(HOLD, Event(layout.ABS, layout.STICK_Y, 3000))
     assert held.push() == Push(0.0, 0.0)
-    held.do(Event(events.ABS, events.STICK_Y, -18000))
+    held.do(Event(layout.ABS, layout.STICK_Y, -18000))
     push = held.push()
     assert push is not None
     assert 0.2 < push.ahead < 0.3
@@ -127,14 +127,14 @@ def test_a_pad_that_says_nothing_any_more_is_let_go_of_until_it_is_held_anew(hel
 
 
 def test_a_gap_in_the_events_lets_go(held: Held) -> None:
-    held.do(HOLD, AHEAD, Event(events.SYN, events.SYN_DROPPED, 0))
+    held.do(HOLD, AHEAD, Event(layout.SYN, layout.SYN_DROPPED, 0))
     assert held.push() is None
 
 
 def test_buttons_and_the_cross_are_keys(held: Held) -> None:
-    cross = [(events.HAT_X, -1), (events.HAT_X, 0), (events.HAT_X, 1), (events.HAT_Y, -1), (events.HAT_Y, 1)]
-    assert held.do(*(Event(events.ABS, *where) for where in cross)) == ["left", "right", "up", "down"]
-    pressed = [Event(events.KEY, button, value) for button in (events.EAST, events.START, 0x120) for value in (1, 0)]
+    cross = [(layout.HAT_X, -1), (layout.HAT_X, 0), (layout.HAT_X, 1), (layout.HAT_Y, -1), (layout.HAT_Y, 1)]
+    assert held.do(*(Event(layout.ABS, *where) for where in cross)) == ["left", "right", "up", "down"]
+    pressed = [Event(layout.KEY, button, value) for button in (layout.EAST, layout.START, 0x120) for value in (1, 0)]
     assert held.do(*pressed) == [LATCH, ENABLE]
 
 

@@ -11,13 +11,13 @@ import pytest
 from click.testing import CliRunner, Result
 
 from drivers.api import BaseState, Pose2D, Quality, Reading, Velocity
-from missions.cli.record import command
 from missions.executive.events import NodeChanged
 from missions.executive.tick_record import TickRecord
-from missions.records.comparison.runs import Comparison, compared
-from missions.records.recording.head import Head
-from missions.records.recording.read import open_record
-from missions.views.pictures.drawing import Drawing
+from missions.plugins.records.commands.record import command
+from missions.plugins.records.comparison.runs import Comparison, compared
+from missions.plugins.records.recording.head import Head
+from missions.plugins.records.recording.read import open_record
+from missions.trees.drawing import Drawing
 from tests.missions.records.report.test_report_joints import ARM, waves
 from tests.missions.records.report.told_record import DRAWING, WHERE, Item, items, write
 

@@ -10,8 +10,8 @@ from threading import Event
 from drivers.api import HeadPose, Quality, Reading
 from drivers.clock import SystemClock
 from missions.executive.tick_record import TickRecord
-from missions.records.recording.head import Contents
-from missions.records.recording.recorder import Recorder
+from missions.plugins.records.recording.head import Contents
+from missions.plugins.records.recording.recorder import Recorder
 from tests.missions.records.recording.small_record import FILES, HEAD
 
 

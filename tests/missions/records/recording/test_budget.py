@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.records.recording.budget import FrameBudget
+from missions.plugins.records.recording.budget import FrameBudget
 
 
 @given(st.floats(0.5, 30.0), st.floats(1.0, 60.0))

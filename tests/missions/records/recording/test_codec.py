@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from config.units import Quantity
 from drivers.api import DockBeam, HeadPose, Image, Lamp, Quality, Ranges, RangeScan, Reading, Source, Velocity
 from drivers.errors import DriverError, NoReply
-from missions.records.recording.codec import ERRORS, NAMED, dumps, from_json, tagged, to_json, untagged
+from missions.plugins.records.recording.codec import ERRORS, NAMED, dumps, from_json, tagged, to_json, untagged
 from perception.api import View
 
 FLOATS = st.floats(allow_nan=True, allow_infinity=True)

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
-from missions.records.recording.container import Container, Message, Span
-from missions.records.recording.faults import InvalidRecordError
-from missions.records.recording.mend import NotMendedError, mend
-from missions.records.recording.read import Record, open_record
-from missions.records.recording.survey import FOREIGN, survey
+from missions.plugins.records.recording.container import Container, Message, Span
+from missions.plugins.records.recording.faults import InvalidRecordError
+from missions.plugins.records.recording.mend import NotMendedError, mend
+from missions.plugins.records.recording.read import Record, open_record
+from missions.plugins.records.recording.survey import FOREIGN, survey
 from tests.missions.records.recording.small_record import END, items, write
 
 Damage = tuple[float, list[tuple[float, int]]]

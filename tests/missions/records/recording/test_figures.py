@@ -6,9 +6,9 @@ import pytest
 
 from drivers.api import BaseState, HeadPose, Pose2D, Quality, Reading, Velocity
 from missions.executive.tick_record import Answer, TickRecord
-from missions.records.recording.figures import Figure, Figures
-from missions.records.recording.foxglove import Epoch, Json, camera_transform
-from missions.testing.recorders import Bench
+from missions.plugins.records.recording.foxglove import Epoch, Json, camera_transform
+from missions.plugins.records.recording.writer import Figure, Figures
+from missions.plugins.testing.recorders import Bench
 from perception.api import Gaze
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from config.library import DEFAULT_ROBOT, find
 from config.reading import files_read, note_read
 from missions.library.drivers import load_robot
-from missions.order import RunRequest
-from missions.records.recording.gather import contents_of
-from missions.records.recording.head import Contents
+from missions.plugins.records.recording.gather import contents_of
+from missions.plugins.records.recording.head import Contents
+from missions.request import RunRequest
 from missions.runner import Runner
 
 STARTED = datetime(2026, 11, 21, 14, 3, tzinfo=UTC)

@@ -18,12 +18,12 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk
 from mcap.writer import CompressionType, Writer
 
-from missions.records.recording import container, read, survey
-from missions.records.recording.codec import to_json
-from missions.records.recording.container import HEAD as RECORD_HEAD
-from missions.records.recording.export import to_csv
-from missions.records.recording.read import InvalidRecordError, open_record
-from missions.views.pictures.tree_json import to_json as drawing_to_json
+from missions.plugins.records.recording import container, read, survey
+from missions.plugins.records.recording.codec import to_json
+from missions.plugins.records.recording.container import HEAD as RECORD_HEAD
+from missions.plugins.records.recording.export import to_csv
+from missions.plugins.records.recording.read import InvalidRecordError, open_record
+from missions.trees.tree_json import to_json as drawing_to_json
 from tests.missions.records.recording.small_record import HEAD, TREE
 from tests.missions.records.recording.small_record import items as small_items
 from tests.missions.records.recording.small_record import write as write_small

@@ -11,7 +11,7 @@ from config.units import Quantity
 from drivers.api import HeadPose
 from drivers.errors import NoReply
 from missions.executive.events import NodeChanged, VariableSet
-from missions.records.recording.items import EVENTS, Other, packed, unpacked
+from missions.plugins.records.recording.items import EVENTS, Other, packed, unpacked
 
 
 class Mine:
@@ -71,7 +71,7 @@ def _set(value: object) -> VariableSet:
 
 
 def test_the_writer_imports_nothing_of_what_makes_a_run() -> None:
-    program = "import sys, missions.records.recording.process; print(*sys.modules)"
+    program = "import sys, missions.plugins.records.recording.process; print(*sys.modules)"
     heard = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert not {"py_trees", "cv2", "click", "behaviours", "yaml"} & set(heard.stdout.split())
 

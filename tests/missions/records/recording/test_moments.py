@@ -7,7 +7,7 @@ import pytest
 from drivers.api import HeadPose, Quality, Reading, Velocity
 from drivers.errors import NotConnected
 from missions.executive.tick_record import Answer, TickRecord
-from missions.records.recording.moments import Restored, Shortened
+from missions.plugins.records.recording.moments import Restored, Shortened
 
 POSE = Reading(HeadPose(0.1, -0.2), 1.5, Quality.GOOD)
 ANSWERS: list[Answer] = [

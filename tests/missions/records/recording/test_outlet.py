@@ -5,10 +5,10 @@ from random import Random
 
 import pytest
 
-from missions.records.recording.outlet import Outlet, WriterEvent, WriterState
+from missions.plugins.records.recording.outlet import Outlet, WriterEvent, WriterState
 from tests.machines import walk
 
-NAME = "missions.records.recording.outlet.TRANSITIONS"
+NAME = "missions.plugins.records.recording.outlet.TRANSITIONS"
 
 
 def new_outlet() -> Outlet:

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from drivers.clock import SystemClock
-from missions.cli.drawings import Drawings
-from missions.records.recording.cut import cut
-from missions.records.recording.export import to_csv, to_folder, to_jsonl
-from missions.records.recording.head import Contents
-from missions.records.recording.items import Picture
-from missions.records.recording.read import open_record
-from missions.records.recording.recorder import Recorder
+from missions.plugins.records.recording.cut import cut
+from missions.plugins.records.recording.export import to_csv, to_folder, to_jsonl
+from missions.plugins.records.recording.head import Contents
+from missions.plugins.records.recording.items import Picture
+from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.recording.recorder import Recorder
+from missions.plugins.setup.drawings import Drawings
 from tests.missions.command import command
 from tests.missions.records.recording.small_record import FILES, HEAD, items, moments, write
 from tests.missions.records.report.told_record import picture

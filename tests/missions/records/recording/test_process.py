@@ -7,10 +7,10 @@ import pytest
 
 from drivers.clock import ManualClock
 from missions.executive.events import CommandSent, NodeChanged
-from missions.records.recording.head import Contents
-from missions.records.recording.items import packed
-from missions.records.recording.process import FLUSH, SOON, Inlet, Keeper
-from missions.records.recording.writer import RecordWriter
+from missions.plugins.records.recording.head import Contents
+from missions.plugins.records.recording.items import packed
+from missions.plugins.records.recording.process import FLUSH, SOON, Inlet, Keeper
+from missions.plugins.records.recording.writer import RecordWriter
 from tests.missions.records.recording.small_record import HEAD, Item, moments
 
 CAME = 1.25

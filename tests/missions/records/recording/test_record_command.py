@@ -7,10 +7,10 @@ import pytest
 from click.testing import CliRunner, Result
 from mcap.reader import make_reader
 
-from missions.cli.record import command
 from missions.executive.events import Logged
-from missions.records.recording.info import lines_about
-from missions.records.recording.read import open_record
+from missions.plugins.records.commands.record import command
+from missions.plugins.records.recording.info import lines_about
+from missions.plugins.records.recording.read import open_record
 from tests.missions.records.recording.small_record import FILES, JPEG, TREE, items, moments, write
 
 

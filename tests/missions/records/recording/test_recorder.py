@@ -26,11 +26,11 @@ from mcap.stream_reader import StreamReader
 from drivers.api import CameraFrame, DeviceStatus, Health
 from drivers.clock import ManualClock, SystemClock
 from missions.executive.events import Event, FaultRaised, Logged, Started, VariableSet
-from missions.records.recording.budget import FRAMES, LIMIT
-from missions.records.recording.head import Contents
-from missions.records.recording.outlet import CannotRecordError
-from missions.records.recording.read import open_record
-from missions.records.recording.recorder import Recorder
+from missions.plugins.records.recording.budget import FRAMES, LIMIT
+from missions.plugins.records.recording.head import Contents
+from missions.plugins.records.recording.outlet import CannotRecordError
+from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.recording.recorder import Recorder
 from perception.api import Gaze, View
 from tests.missions.records.recording.small_record import FILES, HEAD, face, items, moments
 from tests.missions.records.recording.stand_in_run import moment
@@ -148,7 +148,7 @@ def _written(path: Path) -> Path:
 def test_in_simulated_time_a_writer_that_begins_late_on_a_busy_machine_is_waited_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("missions.records.recording.recorder.START_TIME", 0.0)
+    monkeypatch.setattr("missions.plugins.records.recording.recorder.START_TIME", 0.0)
     with pytest.raises(CannotRecordError, match="did not begin within 0 s"):
         Recorder(tmp_path / "real.mcap").open(Contents(HEAD, FILES), ManualClock())
     with Recorder(tmp_path / "simulated.mcap", patient=True) as recorder:
@@ -224,7 +224,7 @@ def test_what_cannot_be_packed_costs_itself_alone(tmp_path: Path) -> None:
 def test_in_simulated_time_nothing_is_lost_however_far_the_writer_is_behind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("missions.records.recording.recorder.MAX_WAITING", 500)
+    monkeypatch.setattr("missions.plugins.records.recording.recorder.MAX_WAITING", 500)
     path = tmp_path / "a.mcap"
     with recording(path, patient=True) as (recorder, _):
         small = replace(moments()[0], answers=[])
@@ -237,7 +237,9 @@ def test_in_simulated_time_nothing_is_lost_however_far_the_writer_is_behind(
 def test_a_full_disk_costs_records_which_is_told_and_no_moment_waits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("missions.records.recording.recorder.FAREWELL", 60.0)  # it is not about a writer that is slow
+    monkeypatch.setattr(
+        "missions.plugins.records.recording.recorder.FAREWELL", 60.0
+    )  # it is not about a writer that is slow
     path = tmp_path / "a.mcap"
     with recording(path, frames=1000.0) as (recorder, told):
         soft, hard = resource.prlimit(writer_of(recorder), resource.RLIMIT_FSIZE)
@@ -283,7 +285,7 @@ def noise() -> Iterator[CameraFrame]:
 def test_a_writer_that_stands_still_holds_up_nobody_and_what_is_dropped_is_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("missions.records.recording.recorder.MAX_WAITING", 500)
+    monkeypatch.setattr("missions.plugins.records.recording.recorder.MAX_WAITING", 500)
     path = tmp_path / "a.mcap"
     with recording(path) as (recorder, _):
         os.kill(writer_of(recorder), signal.SIGSTOP)
@@ -306,7 +308,7 @@ def test_a_writer_that_stands_still_holds_up_nobody_and_what_is_dropped_is_count
 
 @pytest.mark.real_time
 def test_a_writer_that_never_comes_back_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("missions.records.recording.recorder.FAREWELL", 0.2)
+    monkeypatch.setattr("missions.plugins.records.recording.recorder.FAREWELL", 0.2)
     with recording(tmp_path / "a.mcap") as (recorder, _):
         number = writer_of(recorder)
         os.kill(number, signal.SIGSTOP)
@@ -342,7 +344,7 @@ def test_when_the_writer_is_killed_the_run_goes_on_and_is_told(tmp_path: Path) -
 def test_in_simulated_time_nobody_waits_for_a_writer_that_is_gone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("missions.records.recording.recorder.MAX_WAITING", 500)
+    monkeypatch.setattr("missions.plugins.records.recording.recorder.MAX_WAITING", 500)
     with recording(tmp_path / "a.mcap", patient=True) as (recorder, told):
 
         def tick() -> None:
@@ -360,7 +362,7 @@ def test_in_simulated_time_nobody_waits_for_a_writer_that_is_gone(
 
 
 def test_pictures_that_found_no_room_take_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("missions.records.recording.recorder.MAX_WAITING", 1)
+    monkeypatch.setattr("missions.plugins.records.recording.recorder.MAX_WAITING", 1)
     with recording(tmp_path / "a.mcap", frames=1000.0, patient=True) as (recorder, _):
         for frame in islice(noise(), 50):
             recorder.frame(frame)

@@ -17,17 +17,15 @@ from mcap.reader import make_reader
 
 from drivers.api import BaseState, Health, JointState, Pose2D, Quality, RangeScan, Reading, Velocity
 from missions.executive import events
-from missions.records.recording.head import Contents, Head
-from missions.records.recording.info import lines_about
-from missions.records.recording.items import EVENTS, Checked, Feedback, Missed, Picture, Seen, packed, unpacked
-from missions.records.recording.mend import mend
-from missions.records.recording.read import open_record
-from missions.records.recording.schemas import schema
-from missions.records.recording.schemas.foxglove import FOXGLOVE
-from missions.records.recording.schemas.ours import OURS
-from missions.records.recording.sink import Sink
-from missions.records.recording.topics import SCHEMAS
-from missions.records.recording.writer import RecordWriter, Written
+from missions.plugins.records.recording.head import Contents, Head
+from missions.plugins.records.recording.info import lines_about
+from missions.plugins.records.recording.items import EVENTS, Checked, Feedback, Missed, Picture, Seen, packed, unpacked
+from missions.plugins.records.recording.mend import mend
+from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.recording.schemas import schema
+from missions.plugins.records.recording.schemas.foxglove import FOXGLOVE
+from missions.plugins.records.recording.schemas.ours import OURS
+from missions.plugins.records.recording.writer import SCHEMAS, RecordWriter, Sink, Written
 from perception.api import Gaze, Marker, Scene, Thing, View
 from tests.missions.records.recording.small_record import FILES, HEAD, face, items, moments, write
 
@@ -180,7 +178,7 @@ class Disk:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.full = False
         self._write = os.write
-        monkeypatch.setattr("missions.records.recording.sink.os.write", self.write)
+        monkeypatch.setattr("missions.plugins.records.recording.writer.os.write", self.write)
 
     def write(self, number: int, data: memoryview) -> int:
         if not self.full:
@@ -237,7 +235,7 @@ def test_what_a_disk_lost_at_the_very_end_is_told_as_soon_as_that_fits(
     with path.open("wb", buffering=0) as file:
         writer = RecordWriter(Sink(file.fileno()), Contents(HEAD, FILES))
         writer.begin()
-        monkeypatch.setattr("missions.records.recording.sink.os.write", nearly_full)
+        monkeypatch.setattr("missions.plugins.records.recording.writer.os.write", nearly_full)
         writer.add(Picture(1.0, os.urandom(5000), None))
         written = writer.close()
     assert written.lost == {"/camera": 1}

@@ -3,8 +3,8 @@
 import pytest
 
 from missions.executive.tick_record import TickRecord
-from missions.order import RunRequest
-from missions.records.recording.read import Record
+from missions.plugins.records.recording.read import Record
+from missions.request import RunRequest
 from missions.runner import Runner
 from tests.missions.records.replay.written import record_of
 

@@ -9,19 +9,19 @@ import pytest
 from missions.executive.events import Event
 from missions.executive.stream import Listener
 from missions.executive.tick_record import TickRecord
-from missions.order import RunRequest
+from missions.plugins.testing import stage
+from missions.plugins.testing.play import Verdict, play
+from missions.plugins.testing.stage import IN_PROCESS
+from missions.plugins.testing.suite import Case
+from missions.request import RunRequest
 from missions.runner import Runner
-from missions.testing import stage
-from missions.testing.play import Verdict, play
-from missions.testing.stage import IN_PROCESS
-from missions.testing.suite import Case
-from missions.views.pictures.draw import drawing_of
-from missions.views.pictures.drawing import Drawing
+from missions.trees.draw import drawing_of
+from missions.trees.drawing import Drawing
 
 
 @dataclass
 class Past:
-    """What ``missions.records.replay.rerun`` needs to know of a run."""
+    """What ``missions.plugins.records.replay.rerun`` needs to know of a run."""
 
     runner: Runner
     events: Sequence[Event]

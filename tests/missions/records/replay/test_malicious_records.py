@@ -14,13 +14,11 @@ import pytest
 
 from missions.executive.events import Ended, FaultRaised, Logged, NodeChanged, VariableSet
 from missions.executive.tick_record import TickRecord
-from missions.records.recording.codec import to_json as to_fields_of
-from missions.records.recording.head import Contents, Head
-from missions.records.recording.items import Picture, Seen, packed, unpacked
-from missions.records.recording.sink import Sink
-from missions.records.recording.topics import Message
-from missions.records.recording.writer import RecordWriter
-from missions.views.pictures.tree_json import to_json
+from missions.plugins.records.recording.codec import to_json as to_fields_of
+from missions.plugins.records.recording.head import Contents, Head
+from missions.plugins.records.recording.items import Picture, Seen, packed, unpacked
+from missions.plugins.records.recording.writer import Message, RecordWriter, Sink
+from missions.trees.tree_json import to_json
 from perception.api import Box, View
 from tests.missions.command import command
 from tests.missions.records.recording.small_record import HEAD, TREE, Item, face, items, moments

@@ -3,8 +3,8 @@
 import pytest
 
 from drivers.errors import DeviceFault
-from missions.records.replay.memory import Memory, NotHeardError, Told
-from missions.records.replay.pairing import Place, paired
+from missions.plugins.records.replay.compare import Place, paired
+from missions.plugins.records.replay.memory import Memory, NotHeardError, Told
 
 
 class Heard:

@@ -10,16 +10,16 @@ from config.library import DEFAULT_ROBOT, find
 from missions.executive.tick_record import TickRecord
 from missions.library.drivers import load_robot
 from missions.library.shipped import load_mission
-from missions.order import RunRequest
-from missions.records.recording.cut import cut
-from missions.records.recording.read import Record, open_record
-from missions.records.recording.recorder import FEEDBACK_PERIOD
-from missions.records.replay.rerun import rerun
-from missions.records.report.page import page
-from missions.records.report.study import study
+from missions.plugins.records.recording.cut import cut
+from missions.plugins.records.recording.read import Record, open_record
+from missions.plugins.records.recording.recorder import FEEDBACK_PERIOD
+from missions.plugins.records.replay.rerun import rerun
+from missions.plugins.records.report.page import page
+from missions.plugins.records.report.study import study
+from missions.request import RunRequest
 from missions.runner import Runner
-from missions.views.pictures.draw import at
-from missions.views.pictures.states import now_of
+from missions.trees.draw import at
+from missions.trees.states import now_of
 from tests.missions.records.replay.written import record_of
 
 Said = dict[float, dict[str, str]]

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from missions.executive.events import Logged, Notified
-from missions.records.recording.read import Record
-from missions.records.replay.play import JUMP, Player
-from missions.records.replay.screen import Screen, lines, said
+from missions.plugins.records.recording.read import Record
+from missions.plugins.records.replay.play import JUMP, Player
+from missions.plugins.records.replay.screen import Screen, lines, said
 
 KEYS = [
     " ",

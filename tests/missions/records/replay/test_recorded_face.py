@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from drivers.api import Mood, Shown
+from drivers.screen.drawing import frame
 from drivers.screen.expression import expression
-from drivers.screen.frame import frame
 from missions.cli.root import guarded, mission
-from missions.records.recording.read import Record, open_record
-from missions.records.replay.face import RecordedFace
-from missions.records.replay.frames import annotated
+from missions.plugins.records.recording.read import Record, open_record
+from missions.plugins.records.replay.frames import RecordedFace, annotated
 
 MOODS = """
 mission: moods

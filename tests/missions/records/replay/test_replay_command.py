@@ -12,17 +12,19 @@ import cv2
 import pytest
 from click.testing import CliRunner, Result
 
-from missions.cli.replay import command
 from missions.library.shipped import shipped_missions
-from missions.order import RunRequest
-from missions.records.recording.faults import InvalidRecordError
-from missions.records.recording.read import Record
+from missions.plugins.records.commands.replay import command
+from missions.plugins.records.recording.faults import InvalidRecordError
+from missions.plugins.records.recording.read import Record
+from missions.request import RunRequest
 from tests.missions.records.replay.written import record_of
 from tests.waiting import wait_until
 
 GREET = shipped_missions()["greet"].read_text()
 
-RUN = "import sys; from missions.cli.replay import command as c; sys.exit(c(standalone_mode=False))"
+RUN = (
+    "import sys; from missions.plugins.records.commands.replay import command as c; sys.exit(c(standalone_mode=False))"
+)
 """The command as a process of its own."""
 
 

@@ -14,8 +14,8 @@ from missions.executive.events import NodeChanged
 from missions.executive.tick_record import Answer, TickRecord
 from missions.library.drivers import load_robot
 from missions.library.shipped import load_mission, shipped_missions
-from missions.order import RunRequest
-from missions.records.replay.rerun import Rerun, rerun
+from missions.plugins.records.replay.rerun import Rerun, rerun
+from missions.request import RunRequest
 from missions.runner import Runner
 from tests.missions.records.replay.past import Past, past_of
 

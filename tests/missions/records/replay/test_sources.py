@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from config.faults import InvalidFileError
-from missions.order import RunRequest
-from missions.records.recording.faults import InvalidRecordError
-from missions.records.recording.read import Record
-from missions.records.replay.rerun import Rerun, rerun
-from missions.records.replay.sources import Sources
+from missions.plugins.records.recording.faults import InvalidRecordError
+from missions.plugins.records.recording.read import Record
+from missions.plugins.records.replay.rerun import Rerun, rerun
+from missions.plugins.records.replay.sources import Sources
+from missions.request import RunRequest
 from tests.missions.records.replay.written import record_of
 
 MISSION = """\

@@ -8,12 +8,12 @@ from config.library import DEFAULT_ROBOT, find
 from config.reading import files_read
 from missions.executive.tick_record import TickRecord
 from missions.library.drivers import load_robot
-from missions.order import RunRequest
-from missions.records.recording.gather import contents_of
-from missions.records.recording.read import Record, open_record
-from missions.records.recording.recorder import Recorder
+from missions.plugins.records.recording.gather import contents_of
+from missions.plugins.records.recording.read import Record, open_record
+from missions.plugins.records.recording.recorder import Recorder
+from missions.plugins.testing.stage import IN_PROCESS
+from missions.request import RunRequest
 from missions.runner import Runner
-from missions.testing.stage import IN_PROCESS
 from perception.api import Frame
 from perception.eyes import Vision
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from missions.records.recording.read import Record, open_record
-from missions.records.report.study import Study, study
+from missions.plugins.records.recording.read import Record, open_record
+from missions.plugins.records.report.study import Study, study
 from tests.missions.records.report.told_record import items, write
 
 

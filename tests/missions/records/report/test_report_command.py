@@ -11,9 +11,9 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from missions.cli.report import command
 from missions.cli.root import guarded
-from missions.records.recording.read import Record
+from missions.plugins.records.commands.report import command
+from missions.plugins.records.recording.read import Record
 from tests.missions.views.pictures.test_document import Reader
 
 
@@ -108,7 +108,7 @@ def test_plots_without_their_extra_say_what_to_install(
     report: Report, record: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.axes", None)
-    monkeypatch.delitem(sys.modules, "missions.records.report.papers", raising=False)
+    monkeypatch.delitem(sys.modules, "missions.plugins.records.report.papers", raising=False)
     told = report(record.path, "--plots", tmp_path / "plots")
     assert told.exit_code == 2
     assert "pip install 'missiontree[plots]'" in told.output

@@ -15,17 +15,17 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from drivers.api import JointState, Quality, Reading
-from missions.cli.record import command
 from missions.executive.tick_record import TickRecord
-from missions.records.recording.codec import to_json
-from missions.records.recording.faults import InvalidRecordError
-from missions.records.recording.read import Record, open_record
-from missions.records.report.joints import MOST_JOINTS, JointFigures, figures_of, joint_charts, tracks_of
-from missions.records.report.page import page
-from missions.records.report.papers import draw
-from missions.records.report.study import study
-from missions.records.report.summary import sentences
-from missions.views.pictures.tree_json import to_json as drawing_to_json
+from missions.plugins.records.commands.record import command
+from missions.plugins.records.recording.codec import to_json
+from missions.plugins.records.recording.faults import InvalidRecordError
+from missions.plugins.records.recording.read import Record, open_record
+from missions.plugins.records.report.joints import MOST_JOINTS, JointFigures, figures_of, joint_charts, tracks_of
+from missions.plugins.records.report.page import page
+from missions.plugins.records.report.papers import draw
+from missions.plugins.records.report.study import study
+from missions.plugins.records.report.summary import sentences
+from missions.trees.tree_json import to_json as drawing_to_json
 from tests.cases import each
 from tests.missions.records.recording.test_hostile_files import about
 from tests.missions.records.recording.test_hostile_files import write as write_foreign

@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
-from missions.order import RunRequest
-from missions.records.recording.read import Record, open_record
-from missions.records.report.page import page
-from missions.records.report.study import Study, study
-from missions.views.pictures.drawing import SIGNS
+from missions.plugins.records.recording.read import Record, open_record
+from missions.plugins.records.report.page import page
+from missions.plugins.records.report.study import Study, study
+from missions.request import RunRequest
+from missions.trees.drawing import SIGNS
 from tests.browser import Browser, Tab
 from tests.cases import each
 from tests.missions.records.replay.written import record_of

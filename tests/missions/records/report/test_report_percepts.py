@@ -5,8 +5,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.records.report.percepts import WIDTH, chosen, evenly, sightings
-from missions.records.report.study import Study
+from missions.plugins.records.report.percepts import WIDTH, chosen, evenly, sightings
+from missions.plugins.records.report.study import Study
 from perception.annotate import INK
 from perception.api import UNKNOWN, Box, Face, View
 

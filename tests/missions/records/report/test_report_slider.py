@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from missions.records.recording.cut import cut
-from missions.records.recording.read import Record, open_record
-from missions.records.report.slider import Texts, changes, failures, moments_of, value_at, variables
-from missions.records.report.study import Study
-from missions.views.pictures.drawing import SIGNS
-from missions.views.pictures.states import states_at
+from missions.plugins.records.recording.cut import cut
+from missions.plugins.records.recording.read import Record, open_record
+from missions.plugins.records.report.slider import Texts, changes, failures, moments_of, value_at, variables
+from missions.plugins.records.report.study import Study
+from missions.trees.drawing import SIGNS
+from missions.trees.states import states_at
 from tests.missions.records.report.told_record import END, FAILED
 from tests.missions.views.pictures.drawn import HOSTILE
 

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from missions.executive.events import NodeChanged
-from missions.records.report.study import Study
-from missions.records.report.timeline import FINEST, Bar, lanes_of, outcomes, thinned
-from missions.views.pictures.drawing import Box, Drawing
+from missions.plugins.records.report.study import Study
+from missions.plugins.records.report.timeline import FINEST, Bar, lanes_of, outcomes, thinned
+from missions.trees.drawing import Box, Drawing
 
 LEAF = Drawing("m", "", "m.yaml", Box("1", "drive", "drive", "■", "m.yaml", 1))
 

@@ -11,14 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from missions.executive.events import NodeChanged, VariableSet
-from missions.records.recording.items import Seen
-from missions.records.recording.read import open_record
-from missions.records.report.chart import chart, round_numbers, share
-from missions.records.report.following import rms
-from missions.records.report.slider import Moments
-from missions.records.report.study import Study, study
-from missions.records.report.traces import COLUMNS, GAP, Chart, Line, charts_of, thinned, unbroken
-from missions.views.pictures.drawing import Box, Drawing
+from missions.plugins.records.recording.items import Seen
+from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.report.chart import chart, round_numbers, share
+from missions.plugins.records.report.following import rms
+from missions.plugins.records.report.slider import Moments
+from missions.plugins.records.report.study import Study, study
+from missions.plugins.records.report.traces import COLUMNS, GAP, Chart, Line, charts_of, thinned, unbroken
+from missions.trees.drawing import Box, Drawing
 from perception.api import View
 from tests.missions.records.report.told_record import Item, face, write
 

@@ -9,13 +9,13 @@ from config.units import Quantity
 from drivers.api import HeadPose
 from missions.executive.events import Ended, FaultRaised, NodeChanged, VariableSet
 from missions.executive.tick_record import TickRecord
-from missions.records.recording.items import Missed, Picture, Seen
-from missions.records.recording.read import open_record
-from missions.records.report.slider import moments_of
-from missions.records.report.study import Study, study
-from missions.records.report.summary import faults, sentences, verdict
-from missions.records.report.tables import faults_table, log_table
-from missions.views.words import about, about_all, in_words, variable_in_words
+from missions.plugins.records.recording.items import Missed, Picture, Seen
+from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.report.slider import moments_of
+from missions.plugins.records.report.study import Study, study
+from missions.plugins.records.report.summary import faults, sentences, verdict
+from missions.plugins.records.report.tables import faults_table, log_table
+from missions.trees.words import about, about_all, in_words, variable_in_words
 from perception.api import UNKNOWN, Marker, Scene, Thing
 from tests.cases import each
 from tests.missions.records.report.told_record import WHERE, Item, face, items, write

@@ -23,12 +23,11 @@ from missions.executive.events import (
     VariableSet,
 )
 from missions.executive.tick_record import Answer, TickRecord
-from missions.records.recording.head import Contents, Head
-from missions.records.recording.items import Missed, Picture, Seen, packed, unpacked
-from missions.records.recording.sink import Sink
-from missions.records.recording.writer import RecordWriter
-from missions.views.pictures.drawing import Badge, Box, Drawing
-from missions.views.pictures.tree_json import to_json
+from missions.plugins.records.recording.head import Contents, Head
+from missions.plugins.records.recording.items import Missed, Picture, Seen, packed, unpacked
+from missions.plugins.records.recording.writer import RecordWriter, Sink
+from missions.trees.drawing import Badge, Box, Drawing
+from missions.trees.tree_json import to_json
 from perception.api import Box as Place
 from perception.api import Face, View
 from tests.missions.records.recording.small_record import HEAD

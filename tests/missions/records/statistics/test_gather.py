@@ -10,10 +10,10 @@ import pytest
 from drivers.api import HeadPose, Health, Velocity
 from drivers.errors import NoReply
 from missions.executive.tick_record import Answer, TickRecord
-from missions.records.recording.items import Checked, Seen
-from missions.records.recording.read import open_record
-from missions.records.statistics.figures import Spread, Stats, WireFigures, merge, spread
-from missions.records.statistics.gather import LATE, SEARCH, SEEN, WORK, gather
+from missions.plugins.records.recording.items import Checked, Seen
+from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.statistics.figures import Spread, Stats, WireFigures, merge, spread
+from missions.plugins.records.statistics.gather import LATE, SEARCH, SEEN, WORK, gather
 from perception.api import View
 from tests.benchmarks.recording import run
 from tests.missions.records.recording.small_record import HEAD, Item, face, items, write

@@ -24,11 +24,11 @@ from missions.executive.stream import Stream
 from missions.executive.tick_record import TickRecord
 from missions.language.document import check_plan
 from missions.language.plan import Plan
-from missions.order import RunRequest
-from missions.records.statistics.figures import NodeFigures
-from missions.records.statistics.nodes import figures_of
+from missions.plugins.records.statistics.figures import NodeFigures
+from missions.plugins.records.statistics.nodes import figures_of
+from missions.request import RunRequest
 from missions.runner import Runner
-from missions.views.pictures.draw import drawing_of
+from missions.trees.draw import drawing_of
 from tests.missions.records.replay.past import past_of
 
 TICKS = 12

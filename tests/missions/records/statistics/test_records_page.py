@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from missions.records.recording.topics import SCHEMAS
+from missions.plugins.records.recording.writer import SCHEMAS
 
 PAGE = Path(__file__).parents[4] / "docs" / "records.md"
 

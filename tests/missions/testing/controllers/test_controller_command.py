@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from config.controller import load_controller
 from config.library import shipped
 from missions.cli.root import SUCCESS, USAGE
-from missions.testing.controllers.tuning import Tuning
+from missions.plugins.testing.controllers.tuning import Tuning
 from tests.missions.command import command
 
 PNG = b"\x89PNG"
@@ -198,7 +198,7 @@ def test_an_extra_that_is_not_installed_is_named(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setitem(sys.modules, library, None)
-    monkeypatch.delitem(sys.modules, f"missions.testing.controllers.{ours}", raising=False)
+    monkeypatch.delitem(sys.modules, f"missions.plugins.testing.controllers.{ours}", raising=False)
     found = command(capsys, *arguments)
     assert found.code == USAGE
     assert f"pip install {cure}" in found.err

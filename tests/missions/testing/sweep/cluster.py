@@ -12,8 +12,8 @@ import dask
 from distributed import LocalCluster
 
 from drivers.errors import NotConnected
-from missions.testing.sweep.cluster import run_on_cluster
-from missions.testing.sweep.trial import run_some
+from missions.plugins.testing.sweep.cluster import run_on_cluster
+from missions.plugins.testing.sweep.sweep import run_some
 from tests.missions.testing.sweep import labour
 
 RUNS = 12

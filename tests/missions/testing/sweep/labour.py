@@ -4,9 +4,8 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from missions.testing.sweep.row import Row
-from missions.testing.sweep.sweep import Sweep
-from missions.testing.sweep.variation import Choice, Span, Variation
+from missions.plugins.testing.sweep.sweep import Sweep
+from missions.plugins.testing.sweep.variation import Choice, Row, Span, Variation
 
 GLANCE = """\
 mission: glance

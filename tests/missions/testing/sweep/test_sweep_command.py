@@ -15,9 +15,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from config.world import load_world
-from missions.testing.sweep.row import Row
-from missions.testing.sweep.sweep import Sweep
-from missions.testing.sweep.trial import run_some
+from missions.plugins.testing.sweep.sweep import Sweep, run_some
+from missions.plugins.testing.sweep.variation import Row
 from tests.missions.command import Process, command
 from tests.missions.testing.sweep.labour import GLANCE
 from tests.waiting import wait_until
@@ -36,7 +35,9 @@ def fonts() -> None:
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Run sweeps in this process: what a test is about has nothing to do with workers."""
-    monkeypatch.setattr("missions.cli.sweep.run_here", lambda sweep, seeds, _: iter_rows(sweep, seeds))
+    monkeypatch.setattr(
+        "missions.plugins.testing.commands.sweep.run_here", lambda sweep, seeds, _: iter_rows(sweep, seeds)
+    )
 
 
 def iter_rows(sweep: Sweep, seeds: range) -> Generator[Row]:
@@ -155,7 +156,7 @@ def test_a_target_is_missed_while_the_interval_reaches_below_it(
 def test_without_matplotlib_it_says_what_to_install_and_goes_on(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delitem(sys.modules, "missions.testing.sweep.picture", raising=False)
+    monkeypatch.delitem(sys.modules, "missions.plugins.testing.sweep.picture", raising=False)
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     out, err = sweep(capsys, "--runs", "1")
     assert err == "mission: no picture without Matplotlib: pip install 'missiontree[plots]'\n"
@@ -167,7 +168,7 @@ def test_without_dask_it_says_what_to_install(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     del folder
-    monkeypatch.delitem(sys.modules, "missions.testing.sweep.cluster", raising=False)
+    monkeypatch.delitem(sys.modules, "missions.plugins.testing.sweep.cluster", raising=False)
     monkeypatch.setitem(sys.modules, "distributed", None)
     _, err = sweep(capsys, "--dask", "tcp://127.0.0.1:1", code=2)
     assert "--dask needs Dask: pip install 'missiontree[cluster]'" in err

@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.testing.sweep.processes import CHUNK, DEAD, chunks, run_here
-from missions.testing.sweep.row import Row
-from missions.testing.sweep.trial import run_some
-from missions.testing.sweep.variation import Span, Variation
+from missions.plugins.testing.sweep.processes import CHUNK, DEAD, chunks, run_here
+from missions.plugins.testing.sweep.sweep import run_some
+from missions.plugins.testing.sweep.variation import Row, Span, Variation
 from tests.missions.testing.sweep import labour
 
 

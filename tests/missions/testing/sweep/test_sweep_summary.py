@@ -6,13 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.testing.sweep.bins import bins
-from missions.testing.sweep.files import runs_csv
-from missions.testing.sweep.rate import Z95, Rate, wilson
-from missions.testing.sweep.report import report
-from missions.testing.sweep.row import Outcome, Row
-from missions.testing.sweep.summary import Summary, cause, summarise
-from missions.testing.sweep.variation import Choice, Drawn, Span, Variation
+from missions.plugins.testing.sweep.bins import Z95, Rate, bins, wilson
+from missions.plugins.testing.sweep.files import runs_csv
+from missions.plugins.testing.sweep.report import report
+from missions.plugins.testing.sweep.summary import Summary, cause, summarise
+from missions.plugins.testing.sweep.variation import Choice, Drawn, Outcome, Row, Span, Variation
 
 FAR = Variation("person.distance", "m", Span(0.0, 5.0))
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from config.units import in_dimension
-from missions.testing.sweep.variation import Choice, Span, Variation, read_values
+from missions.plugins.testing.sweep.variation import Choice, Span, Variation, read_values
 
 finite = st.floats(-1e6, 1e6)
 

@@ -13,9 +13,9 @@ from config.library import shipped
 from config.marked import read_source
 from config.people import PersonConfig
 from config.world import WorldConfig, read_world
-from missions.testing.sweep.knobs import find_knob, known_names
-from missions.testing.sweep.variation import Choice, Drawn, Variation
-from missions.testing.sweep.worlds import plain_world, varied
+from missions.plugins.testing.sweep.knobs import find_knob, known_names
+from missions.plugins.testing.sweep.variation import Choice, Drawn, Variation
+from missions.plugins.testing.sweep.worlds import plain_world, varied
 
 HALL: dict[str, Any] = {
     "world": "hall",

@@ -8,8 +8,8 @@ import pytest
 from drivers.clock import ManualClock
 from missions.library.shipped import load_mission, shipped_missions
 from missions.library.vocabulary import vocabulary
-from missions.testing.verify.verdicts import PROVED, REFUTED, Report
-from missions.testing.verify.verify import verify
+from missions.plugins.verify.verdicts import PROVED, REFUTED, Report
+from missions.plugins.verify.verify import verify
 
 FOLDER = Path(__file__).parent / "faulty"
 

@@ -12,15 +12,14 @@ from drivers.clock import ManualClock
 from missions.language.nodes import MISSION
 from missions.language.plan import Plan, Step
 from missions.library.shipped import load_mission
-from missions.testing.verify.abstract import abstract
-from missions.testing.verify.choices import Oracle
-from missions.testing.verify.explore import Space
-from missions.testing.verify.judge import Judge
-from missions.testing.verify.live import live_while_running, names_read
-from missions.testing.verify.model import Model
-from missions.testing.verify.verdicts import PROVED, REFUTED
-from missions.testing.verify.verify import BOUND, verify
-from missions.testing.verify.watch import Watch
+from missions.plugins.verify.choices import Oracle
+from missions.plugins.verify.explore import Space
+from missions.plugins.verify.judge import Judge
+from missions.plugins.verify.live import live_while_running, names_read
+from missions.plugins.verify.model import Model, abstract
+from missions.plugins.verify.verdicts import PROVED, REFUTED
+from missions.plugins.verify.verify import BOUND, verify
+from missions.plugins.verify.watch import Watch
 from tests.missions.testing.verify.exploring import explored, outcome, outcomes, plan_of
 
 
@@ -222,7 +221,7 @@ def ways(plan: Plan) -> tuple[set[object], list[tuple[str, str]], dict[str, int]
 def same_without_forgetting(plan: Plan) -> tuple[int, int]:
     """How many states there are with and without forgetting, after a check that no more than that differs."""
     *merged, fewer = ways(plan)
-    with patch("missions.testing.verify.scopes.live_while_running", everything):
+    with patch("missions.plugins.verify.model.live_while_running", everything):
         *whole, more = ways(plan)
     assert merged == whole
     assert fewer <= more

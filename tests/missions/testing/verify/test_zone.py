@@ -6,9 +6,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from missions.testing.verify.choices import Oracle
-from missions.testing.verify.instants import Instant, Some, Timing
-from missions.testing.verify.zone import EQUAL, FREE, START, Zone, loosened, plus
+from missions.plugins.verify.choices import Oracle
+from missions.plugins.verify.instants import EQUAL, FREE, START, Instant, Some, Timing, Zone, loosened, plus
 
 BOUNDS = st.tuples(st.integers(-4, 4).map(float), st.sampled_from((0, 1)))
 DEMANDS = st.lists(st.tuples(st.integers(0, 2), st.integers(0, 2), BOUNDS), max_size=5)

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from missions.views.pictures.drawing import Badge, Box, Drawing
-from missions.views.pictures.tree_json import to_json
+from missions.trees.drawing import Badge, Box, Drawing
+from missions.trees.tree_json import to_json
 
 Message = Mapping[str, object]
 

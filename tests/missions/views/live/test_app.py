@@ -9,7 +9,7 @@ from textual.pilot import Pilot
 from textual.widgets import RichLog, Static
 
 from drivers.clock import ManualClock
-from missions.views.live.app import ViewApp
+from missions.plugins.view.app import ViewApp
 from tests.missions.views.live.messages import Message, first, many, news, part
 
 Use = Callable[["Shown"], Awaitable[None]]

@@ -10,7 +10,7 @@ from missions.executive.events import Event, Logged, NodeChanged, Ticked, Variab
 from missions.executive.executive import Executive
 from missions.executive.parts import PartState
 from missions.executive.stream import Stream
-from missions.views.live.feed import MOST_LINES, Feed
+from missions.trees.feed import MOST_LINES, Feed
 from perception.api import Box, Face, Scene
 from tests.missions.views.pictures.drawn import plan_of, ready
 

@@ -15,8 +15,8 @@ from threading import Thread
 
 import pytest
 
-from missions.views.live.terminal import unviewable
-from missions.views.live.viewer import Viewer
+from missions.plugins.view.terminal import unviewable
+from missions.plugins.view.viewer import Viewer
 from tests.missions.views.live.messages import Message, first, news, part
 from tests.missions.views.live.test_feed import Fed
 from tests.waiting import wait_until
@@ -29,7 +29,7 @@ def shown(*messages: Message, **surroundings: str) -> Iterator[tuple[socket.sock
     ours, theirs = socket.socketpair()
     with ours, theirs:
         process = subprocess.Popen(
-            [sys.executable, "-m", "missions.views.live", str(theirs.fileno())],
+            [sys.executable, "-m", "missions.plugins.view", str(theirs.fileno())],
             stdin=slave,
             stdout=slave,
             stderr=slave,
@@ -115,7 +115,7 @@ def test_there_is_no_view_without_a_terminal(monkeypatch: pytest.MonkeyPatch) ->
         assert unviewable(out) == ""
         monkeypatch.setenv("TERM", "dumb")
         assert "TERM" in unviewable(out)
-        monkeypatch.setattr("missions.views.live.terminal.find_spec", lambda _: None)
+        monkeypatch.setattr("missions.plugins.view.terminal.find_spec", lambda _: None)
         assert "pip install 'missiontree[view]'" in unviewable(out)
     os.close(master)
 
@@ -124,7 +124,7 @@ def test_what_is_printed_meanwhile_is_kept_back_and_comes_in_the_end() -> None:
     master, slave = pty.openpty()
     text = Text(master)
     program = (
-        "import os; from missions.views.live.terminal import hushed\n"
+        "import os; from missions.plugins.view.terminal import hushed\n"
         "with hushed():\n"
         "    print('from python')\n"
         "    os.system('echo from elsewhere')\n"
@@ -147,15 +147,14 @@ def test_what_is_printed_meanwhile_is_kept_back_and_comes_in_the_end() -> None:
 
 def test_the_process_of_a_view_loads_nothing_of_a_robot() -> None:
     heavy = "{'cv2', 'py_trees', 'serial', 'numpy', 'behaviours', 'perception', 'config'}"
-    program = (
-        f"import sys, missions.views.live.__main__; print({heavy} & {{name.partition('.')[0] for name in sys.modules}})"
-    )
+    loaded = "{name.partition('.')[0] for name in sys.modules}"
+    program = f"import sys, missions.plugins.view.__main__; print({heavy} & {loaded})"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert ran.stdout == "set()\n"
 
 
 def test_ctrl_c_while_a_view_loads_is_the_run_s_to_hear(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("missions.views.live.viewer.FAREWELL", 90.0)
+    monkeypatch.setattr("missions.plugins.view.viewer.FAREWELL", 90.0)
     master, slave = pty.openpty()
     viewer = Viewer(Fed().feed, dict(first()), keys=slave, screen=slave)
     viewer.open()

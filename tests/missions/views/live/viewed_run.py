@@ -11,10 +11,10 @@ import termios
 from pathlib import Path
 
 from missions.cli.live import Watcher
-from missions.cli.viewing import LiveView
-from missions.order import RunRequest
+from missions.plugins.view import terminal, viewer
+from missions.plugins.view.viewing import LiveView
+from missions.request import RunRequest
 from missions.runner import Runner
-from missions.views.live import terminal, viewer
 
 
 def main(result: Path, speed: float, patience: float | None = None) -> int:

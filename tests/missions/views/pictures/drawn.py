@@ -15,8 +15,8 @@ from missions.language.document import check_plan
 from missions.language.plan import Plan
 from missions.library.shipped import find_mission
 from missions.library.things import THINGS
-from missions.views.pictures.draw import one_line
-from missions.views.pictures.drawing import SIGNS, Badge, Box, Drawing, Status
+from missions.trees.draw import one_line
+from missions.trees.drawing import SIGNS, Badge, Box, Drawing, Status
 
 HOSTILE = """"';</script><img src=x onerror=alert(1)> \\n \\ | # `[{(&amp;%%"""
 """What a name, an argument or a reason may hold, and a picture must not take for anything but text."""

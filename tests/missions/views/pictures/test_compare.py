@@ -7,11 +7,10 @@ from hypothesis import given, settings
 from rich.cells import cell_len
 
 from missions.library.shipped import load_mission
-from missions.views.pictures.compare import Change, Comparison, compare
-from missions.views.pictures.diff_json import comparison_to_json
-from missions.views.pictures.draw import drawing_of, folded
-from missions.views.pictures.drawing import Drawing
-from missions.views.pictures.side_by_side import side_by_side
+from missions.plugins.pictures.compare import Change, Comparison, compare, side_by_side
+from missions.plugins.pictures.forms import comparison_to_json
+from missions.trees.draw import drawing_of, folded
+from missions.trees.drawing import Drawing
 from tests.missions.views.pictures.drawn import DRAWINGS, plan_of
 
 BEFORE = """

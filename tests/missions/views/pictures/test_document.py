@@ -10,12 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.views.pictures.compare import compare
-from missions.views.pictures.drawing import Drawing
-from missions.views.pictures.page.document import PAGE, document, without_assets
-from missions.views.pictures.page.markup import Markup, join, start, tag
-from missions.views.pictures.page.page import page
-from missions.views.pictures.page.pair import pair_page
+from missions.plugins.pictures.compare import compare
+from missions.plugins.pictures.page.document import PAGE, Markup, document, join, start, tag, without_assets
+from missions.plugins.pictures.page.pair import page, pair_page
+from missions.trees.drawing import Drawing
 from tests.cases import each
 from tests.missions.views.pictures.drawn import DRAWINGS, HOSTILE
 

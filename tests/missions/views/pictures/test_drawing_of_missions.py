@@ -6,8 +6,8 @@ from behaviours.catalogue import LEAVES
 from drivers.clock import ManualClock
 from missions.language.nodes import BRANCHES, MISSION
 from missions.library.shipped import load_mission, shipped_missions
-from missions.views.pictures.draw import ACTION, CONDITION, at, drawing_of, folded, legend, one_line
-from missions.views.pictures.drawing import Box, Drawing, Now
+from missions.trees.draw import ACTION, CONDITION, at, drawing_of, folded, legend, one_line
+from missions.trees.drawing import Box, Drawing, Now
 from tests.cases import each
 from tests.missions.views.pictures.drawn import downwards, keys_and_lines, plan_of, ready
 

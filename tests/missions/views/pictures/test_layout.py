@@ -5,10 +5,10 @@ from itertools import pairwise
 from hypothesis import given, settings
 
 from missions.library.shipped import load_mission, shipped_missions
-from missions.views.pictures.compare import compare
-from missions.views.pictures.draw import drawing_of
-from missions.views.pictures.drawing import Box, Drawing
-from missions.views.pictures.layout import PAGE, Layout, Panel, Placed, lay_out, lay_out_pair
+from missions.plugins.pictures.compare import compare
+from missions.plugins.pictures.layout import PAGE, Layout, Panel, Placed, lay_out, lay_out_pair
+from missions.trees.draw import drawing_of
+from missions.trees.drawing import Box, Drawing
 from tests.missions.views.pictures.drawn import DRAWINGS
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from matplotlib import get_data_path
 from matplotlib.ft2font import FT2Font, LoadFlags
 
-from missions.views.pictures.measure import cut, packed, width
+from missions.plugins.pictures.layout import cut, packed, width
 from tests.cases import each
 
 FONTS = {

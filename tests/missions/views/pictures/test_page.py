@@ -8,13 +8,11 @@ from pathlib import Path
 import pytest
 
 from missions.library.shipped import load_mission
-from missions.views.pictures.compare import compare
-from missions.views.pictures.draw import at, drawing_of
-from missions.views.pictures.drawing import SIGNS, Badge, Box, Drawing, Now
-from missions.views.pictures.page.page import page
-from missions.views.pictures.page.pair import pair_page
-from missions.views.pictures.style import STYLE
-from missions.views.pictures.svg import svg
+from missions.plugins.pictures.compare import compare
+from missions.plugins.pictures.page.pair import page, pair_page
+from missions.plugins.pictures.svg import STYLE, svg
+from missions.trees.draw import at, drawing_of
+from missions.trees.drawing import SIGNS, Badge, Box, Drawing, Now
 from tests.browser import Browser, Tab, chromium
 from tests.cases import each
 from tests.missions.views.pictures.drawn import HOSTILE, plan_of

@@ -5,12 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from missions.views.pictures.drawing import Box, Drawing
-from missions.views.pictures.page.document import document
-from missions.views.pictures.page.markup import join
-from missions.views.pictures.page.page import page
-from missions.views.pictures.page.tools import tools
-from missions.views.pictures.page.tree import tree
+from missions.plugins.pictures.page.document import document, join
+from missions.plugins.pictures.page.pair import page
+from missions.plugins.pictures.page.tree import tools, tree
+from missions.trees.drawing import Box, Drawing
 from tests.browser import Browser, Tab
 
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from missions.library.shipped import load_mission
-from missions.views.pictures.draw import drawing_of
-from missions.views.pictures.layout import lay_out
-from missions.views.pictures.png import MOST_PIXELS, png
-from missions.views.pictures.svg import HEADER, MARGIN, svg
+from missions.plugins.pictures.layout import lay_out
+from missions.plugins.pictures.png import MOST_PIXELS, png
+from missions.plugins.pictures.svg import HEADER, MARGIN, svg
+from missions.trees.draw import drawing_of
 from perception.api import Image
 
 
@@ -39,7 +39,7 @@ def test_it_is_as_large_as_it_is_asked_to_be() -> None:
 
 def test_a_huge_picture_is_drawn_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
     assert MOST_PIXELS >= 2000 * 4000
-    monkeypatch.setattr("missions.views.pictures.png.MOST_PIXELS", 90_000)
+    monkeypatch.setattr("missions.plugins.pictures.png.MOST_PIXELS", 90_000)
     huge = '<svg xmlns="http://www.w3.org/2000/svg" width="1000" height="9000"></svg>'
     assert pixels(png(huge)).shape[:2] == (900, 100)
 

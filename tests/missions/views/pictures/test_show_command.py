@@ -8,13 +8,12 @@ import pytest
 
 from missions.executive.events import NodeChanged
 from missions.library.shipped import load_mission
-from missions.records.recording.head import Contents, Head
-from missions.records.recording.items import packed, unpacked
-from missions.records.recording.sink import Sink
-from missions.records.recording.writer import RecordWriter
-from missions.views.pictures.draw import drawing_of
-from missions.views.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES
-from missions.views.pictures.tree_json import to_json
+from missions.plugins.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES
+from missions.plugins.records.recording.head import Contents, Head
+from missions.plugins.records.recording.items import packed, unpacked
+from missions.plugins.records.recording.writer import RecordWriter, Sink
+from missions.trees.draw import drawing_of
+from missions.trees.tree_json import to_json
 from tests.cases import each
 from tests.missions.command import Outcome, command
 

@@ -6,8 +6,8 @@ from drivers.clock import ManualClock
 from missions.executive.events import STATUS_WORDS, Event, NodeChanged, Ticked
 from missions.executive.executive import Executive
 from missions.executive.stream import Stream
-from missions.views.pictures.drawing import Now
-from missions.views.pictures.states import States, now_of, states_at
+from missions.trees.drawing import Now
+from missions.trees.states import States, now_of, states_at
 from tests.missions.views.pictures.drawn import downwards, plan_of, ready
 
 TREE = """\

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 
 from missions.library.shipped import load_mission
-from missions.views.pictures.compare import CHANGES, compare
-from missions.views.pictures.draw import at, drawing_of, folded
-from missions.views.pictures.drawing import SIGNS, Box, Drawing, Now, Status
-from missions.views.pictures.svg import svg, svg_pair
+from missions.plugins.pictures.compare import CHANGES, compare
+from missions.plugins.pictures.svg import svg, svg_pair
+from missions.trees.draw import at, drawing_of, folded
+from missions.trees.drawing import SIGNS, Box, Drawing, Now, Status
 from tests.missions.views.pictures.drawn import DRAWINGS, HOSTILE, plan_of
 
 NAME = "{http://www.w3.org/2000/svg}"

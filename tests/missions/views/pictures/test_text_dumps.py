@@ -12,11 +12,9 @@ from py_trees import display
 
 from drivers.clock import ManualClock
 from missions.library.shipped import load_mission, shipped_missions
-from missions.views.pictures.draw import at, drawing_of, folded
-from missions.views.pictures.drawing import ASCII_SIGNS, SIGNS, Drawing, Now
-from missions.views.pictures.mermaid import mermaid
-from missions.views.pictures.outline import outline
-from missions.views.pictures.text import dot, text_tree
+from missions.trees.draw import at, drawing_of, folded
+from missions.trees.drawing import ASCII_SIGNS, SIGNS, Drawing, Now, outline
+from missions.trees.text import dot, mermaid, text_tree
 from tests.cases import each
 from tests.missions.views.pictures.drawn import DRAWINGS, HOSTILE, downwards, plan_of, ready
 
@@ -153,8 +151,8 @@ def test_the_shapes_of_the_lines_are_py_trees_own_for_the_nodes_that_run(name: s
 def test_dumps_are_the_same_bytes_under_every_encoding_of_the_terminal() -> None:
     program = (
         "import sys; from missions.library.shipped import load_mission\n"
-        "from missions.views.pictures.text import dot, text_tree\n"
-        "from missions.views.pictures.states import Now\n"
+        "from missions.trees.text import dot, text_tree\n"
+        "from missions.trees.states import Now\n"
         "plan, now = load_mission('patrol'), {'1': Now('running', '', 0.0), '1.1': Now('failure', 'é', 1.0)}\n"
         "for drawn in (text_tree(plan, now), text_tree(plan, now, ascii=True), dot(plan, now), dot(plan)):\n"
         "    sys.stdout.buffer.write(drawn.encode('utf-8'))\n"

@@ -1,0 +1,231 @@
+"""The Arduino of the Rodney head as its wire shows it: the sketch's end of rosserial, and four hobby servos."""
+
+from collections.abc import Iterator, Sequence
+from threading import Lock
+
+from drivers.arduino import wire
+from drivers.arduino.wire import HEADER, Frame
+from drivers.head.axis import FIRST_STARTS, STARTS
+from drivers.sim.servo import SERVO_SPEED, Shaft
+
+# How a board of rosserial reads: byte by byte, with its order of doing things and its limits of time.
+
+FRAME_TIME = 0.02
+"""Seconds in which a frame must be complete."""
+
+
+class Ear:
+    """Reads what comes; frames of more than ``buffer`` bytes, and those with wrong sums, are lost."""
+
+    def __init__(self, buffer: int) -> None:
+        self._buffer = buffer
+        self._frame = bytearray()
+        self._began = 0.0
+
+    def hear(self, data: bytes, now: float) -> Iterator[Frame | None]:
+        """Yield the frames that are complete at time ``now``, and None for each header that was none."""
+        if self._frame and now - self._began > FRAME_TIME:
+            self._frame.clear()
+        for byte in data:
+            frame = self._frame
+            if not frame:
+                self._began = now
+            frame.append(byte)
+            size = len(frame)
+            if size == 1 and byte != HEADER[0]:
+                frame.clear()
+            elif size == 2 and byte != HEADER[1]:
+                frame.clear()
+                yield None
+            elif size == 5 and (sum(frame[2:5]) % 256) != 255:
+                frame.clear()
+            elif size > 7 and size == 8 + int.from_bytes(frame[2:4], "little"):
+                topic, body = int.from_bytes(frame[5:7], "little"), bytes(frame[7:-1])
+                sound = sum(frame[5:]) % 256 == 255 and len(body) <= self._buffer
+                frame.clear()
+                if sound:
+                    yield Frame(topic, body)
+
+
+UNSENT = 92.7
+"""Degrees at which a servo stands that was attached and sent nowhere: pulses of 1500 microseconds."""
+
+FIRST = (*FIRST_STARTS[:2], UNSENT, UNSENT)
+"""Where the first sketch (Parts 01 to 04) has its servos when it starts: it sends 0 and 1 to 90 and 120 degrees."""
+
+WITH_ENCODERS = (*STARTS[:2], UNSENT, UNSENT)
+"""The same of the sketches with encoders for a Nano, which send 0 and 1 only; that for a Teensy sends all."""
+
+BEFORE_PART_1 = (90, 40, UNSENT, UNSENT)
+"""The same of a sketch that the project's pages showed before Part 01."""
+
+ATTACHED = (UNSENT, UNSENT, UNSENT, UNSENT)
+"""The same of the oldest ones, which send them nowhere."""
+
+ASKS_EVERY = 2.5  # seconds between two questions for the time
+LOST_AFTER = 11.0  # seconds without an answer after which the board no longer counts as configured
+TACHO_EVERY = 0.05
+FEWEST_MICROSECONDS, MOST_MICROSECONDS = 544, 2400  # the pulses that the Servo library makes for 0 and 180 degrees
+
+
+class VirtualRodney:
+    """A ``drivers.virtual.terminal.WireDevice`` that plays the sketch, as flashed on a Nano or (``tacho``) a Teensy.
+
+    It is deaf and dumb for ``boot_delay`` seconds after its first moment, and after each ``reset``. From then on it
+    obeys angles, whether it was asked for its topics or not. ``starts`` is where its servos go when it starts, such as
+    ``FIRST``. With ``logs`` it writes a line for each angle, as the sketches for a Nano do.
+    A Nano starts anew when DTR rises as its port is ``opened``, unless the line stayed on when the port was ``closed``;
+    a board with native USB (``keeps``) does not. While it is without power or starts, its servos stay.
+    ``servo`` is what it calls its topic: another one plays a sketch built from other message definitions.
+    ``commands`` keeps the (index, angle) that it took, as sent, and ``widest`` the degrees of the widest step among
+    them: from where it had sent that servo last, or the sketch when it started. ``widest_start`` is the widest step
+    that the sketch itself took as it started.
+    ``wheels`` is what its encoders measure.
+    """
+
+    def __init__(
+        self,
+        *,
+        baud: int = 57600,
+        boot_delay: float = 0.0,
+        tacho: bool = False,
+        buffer: int = 512,
+        servo: wire.Topic = wire.SERVO,
+        starts: Sequence[float] = STARTS,
+        logs: bool = False,
+        keeps: bool = False,
+    ) -> None:
+        self.baud = baud
+        self.commands: list[tuple[int, int]] = []
+        self.widest = self.widest_start = 0.0
+        self.wheels = wire.Tacho(0.0, 0.0)
+        self._boot_delay = boot_delay
+        self._buffer = buffer
+        self._listens = wire.TopicInfo(wire.FIRST_USER, servo, buffer)
+        self._publishes = wire.TopicInfo(wire.FIRST_USER + 25, wire.TACHO, buffer) if tacho else None
+        self._starts, self._logs_angles, self._keeps = starts, logs, keeps
+        self._shafts = [Shaft(start, start, SERVO_SPEED) for start in starts]
+        self._lock = Lock()  # the world looks at the shafts from a thread of its own
+        self._boots_until: float | None = None
+        self._booting = True
+        self._dtr = False
+        self._restart()
+
+    def _restart(self) -> None:
+        """Forget what the sketch keeps in memory."""
+        self._ear = Ear(self._buffer)
+        self._configured = False
+        self._asked = self._answered = self._measured = 0.0
+        self._logs: list[wire.Log] = []
+
+    def angle(self, index: int, now: float) -> float:
+        """Where servo ``index`` stands at time ``now``, in degrees."""
+        with self._lock:
+            return self._shafts[index].advance(now)
+
+    def log(self, line: wire.Log) -> None:
+        """Let the sketch write a line to its log; it is said as soon as the board is configured."""
+        with self._lock:
+            self._logs.append(line)
+
+    def reset(self, now: float) -> None:
+        """Press the reset button at time ``now``."""
+        with self._lock:
+            self._restart()
+            self._booting, self._boots_until = True, now + self._boot_delay
+
+    def opened(self, now: float) -> None:
+        """The computer has opened the port at time ``now``, which raises DTR."""
+        rises, self._dtr = not self._dtr, True
+        if rises and not self._keeps:
+            self.reset(now)
+
+    def closed(self, *, hangs_up: bool) -> None:
+        """The computer has closed the port: DTR falls if it ``hangs_up``, as Linux does unless HUPCL is off."""
+        self._dtr = self._dtr and not hangs_up
+
+    def plugged(self, now: float) -> None:
+        """The computer was plugged in at time ``now``, which it has its power from."""
+        self._dtr = False
+        self.reset(now)
+
+    def feed(self, data: bytes, now: float) -> bytes:
+        """Take bytes from the computer; return the answers."""
+        with self._lock:
+            if not self._running(now):
+                return b""
+            self._forget(now)
+            return b"".join(self._answer(frame, now) for frame in self._ear.hear(data, now))
+
+    def poll(self, now: float) -> bytes:
+        """Let time pass; return what is due."""
+        with self._lock:
+            if not self._running(now):
+                return b""
+            self._forget(now)
+            if not self._configured:
+                return b""
+            said = b"".join(wire.Frame(wire.LOG, line.pack()).pack() for line in self._logs)
+            self._logs.clear()
+            if now - self._asked >= ASKS_EVERY:
+                self._asked = now
+                said += wire.REQUEST_TIME
+            if self._publishes and now - self._measured >= TACHO_EVERY:
+                self._measured = now
+                said += wire.Frame(self._publishes.id, self.wheels.pack()).pack()
+            return said
+
+    def _forget(self, now: float) -> None:
+        """Forget a computer that has answered no question for long."""
+        if now - self._answered > LOST_AFTER:
+            self._configured = False
+
+    def _running(self, now: float) -> bool:
+        """Say whether the sketch runs; when it begins to, it sends its servos to their starts."""
+        if self._boots_until is None:
+            self._boots_until = now + self._boot_delay
+        if self._booting and now >= self._boots_until:
+            self._booting = False
+            for shaft, start in zip(self._shafts, self._starts, strict=True):
+                self.widest_start = max(self.widest_start, abs(start - shaft.advance(now)))
+                shaft.goal = start
+        return not self._booting
+
+    def _answer(self, frame: wire.Frame | None, now: float) -> bytes:
+        if frame is None:
+            return b"" if self._configured else wire.REQUEST_TIME
+        if frame.topic == wire.PUBLISHER:
+            return self._negotiate(now)
+        if frame.topic == wire.TIME:
+            self._answered = now
+        elif frame.topic == wire.STOP:
+            self._configured = False
+        elif frame.topic == self._listens.id and len(frame.data) >= 3:
+            command = wire.ServoAngle.unpack(frame.data)
+            self._turn(command, now)
+            if self._logs_angles:
+                return wire.Frame(wire.LOG, wire.Log(0, f"Servo {command.index} ").pack()).pack()
+        return b""
+
+    def _negotiate(self, now: float) -> bytes:
+        """Ask for the time, then name the topics: what is published first, then what is listened to."""
+        self._configured = True
+        self._asked = self._answered = now
+        published = wire.Frame(wire.PUBLISHER, self._publishes.pack()).pack() if self._publishes else b""
+        return wire.REQUEST_TIME + published + wire.Frame(wire.SUBSCRIBER, self._listens.pack()).pack()
+
+    def _turn(self, command: wire.ServoAngle, now: float) -> None:
+        """Do as the sketch and the Servo library do with any number."""
+        self.commands.append((command.index, command.angle))
+        if command.index >= len(self._shafts):
+            self._logs.append(wire.Log(0, f"no servo {command.index}"))
+            return
+        shaft = self._shafts[command.index]
+        shaft.advance(now)
+        before = shaft.goal
+        if command.angle < FEWEST_MICROSECONDS:
+            shaft.goal = float(min(command.angle, 180))
+        else:
+            pulse = min(command.angle, MOST_MICROSECONDS)
+            shaft.goal = 180 * (pulse - FEWEST_MICROSECONDS) / (MOST_MICROSECONDS - FEWEST_MICROSECONDS)
+        self.widest = max(self.widest, abs(shaft.goal - before))

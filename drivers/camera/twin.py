@@ -1,0 +1,122 @@
+"""The twin of a camera: it draws a picture whenever one is exposed, unless something is wrong with it."""
+
+from collections.abc import Callable
+from math import radians
+from random import Random
+
+import numpy as np
+
+from drivers.api import CameraFrame, Health, Image, Report, ignore
+from drivers.clock import Clock
+from drivers.sim.plug import Plug
+
+
+class CameraTwin:
+    """A ``drivers.api.Camera`` for one thread: pictures are drawn on demand, by ``draw(time)``.
+
+    ``rate`` is in pictures per second of the clock, ``field_of_view`` horizontal in radians, ``dropouts`` the share
+    0..1 of pictures that get lost, drawn from ``seed``. Raises ValueError for values that make no sense.
+    """
+
+    name = "camera"
+
+    def __init__(
+        self,
+        draw: Callable[[float], Image],
+        clock: Clock,
+        *,
+        rate: float = 20.0,
+        field_of_view: float = radians(60.0),
+        report: Report = ignore,
+        dropouts: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        if not (rate > 0 and 0 < field_of_view < 3.14 and 0 <= dropouts <= 1):
+            raise ValueError(f"{self.name}: {rate=}, {field_of_view=}, {dropouts=}: out of range")
+        self.field_of_view = field_of_view
+        self.plug = Plug(self.name, report)
+        self.period = 1 / rate
+        self._draw = draw
+        self._clock = clock
+        self._dropouts = dropouts
+        self._random = Random(f"{seed} {self.name}")  # noqa: S311 - chance, not a secret
+        self._picture: Image | None = None  # the newest
+        self._frozen = self._covered = False
+        self._pace = 1  # one picture of so many comes through
+        self._opened: float | None = None
+        self._number = -1
+        self._frames = 0
+
+    def open(self) -> None:
+        """Be there at once, unless it is unplugged; the first picture is due at once. Does nothing while open."""
+        if self._opened is None:
+            self._opened = self._clock.now()
+            self._number, self._frames = -1, 0
+            self.plug.open()
+
+    def rest(self) -> None:
+        """Do nothing: a camera moves nothing."""
+
+    def close(self) -> None:
+        """Give no more pictures. Safe from any state, more than once."""
+        self._opened = None
+        self.plug.close()
+
+    def health(self) -> Health:
+        """Say whether it is there."""
+        return self.plug.health({"frames": self._frames, "dropped": self._number + 1 - self._frames})
+
+    def expose(self, now: float) -> CameraFrame | None:
+        """Take a picture at time ``now``; None when it is not there, or the picture got lost."""
+        if not self.plug.online:
+            return None
+        self._number += 1
+        if self._number % self._pace or (self._dropouts and self._random.random() < self._dropouts):
+            return None
+        self._frames += 1
+        if self._picture is None or not self._frozen:
+            self._picture = self._seen(now)
+        return CameraFrame(self._picture, now, self._number)
+
+    def read(self, timeout: float) -> CameraFrame | None:
+        """Return the picture that is due by the clock, or None; the numbers of those that nobody read are skipped.
+
+        It does not wait for the ``timeout``: simulated time stands still while somebody reads.
+        """
+        del timeout
+        now = self._clock.now()
+        if self._opened is None or not self.plug.online:
+            return None
+        due = int((now - self._opened) / self.period + 1e-6)  # a clock moved on in such steps is a hair early
+        if due <= self._number:
+            return None
+        self._number = due - 1
+        return self.expose(now)
+
+    # --- the hand of whoever tests a mission --------------------------------------------------------------------------
+
+    def freeze(self) -> None:
+        """Hang: the newest picture comes again and again, each time with a new stamp."""
+        self._frozen = True
+
+    def thaw(self) -> None:
+        """Go on after a freeze."""
+        self._frozen = False
+
+    def cover(self) -> None:
+        """Put something over the lens: the pictures are black."""
+        self._covered = True
+
+    def uncover(self) -> None:
+        """Take it off the lens."""
+        self._covered = False
+
+    def slow_down(self, pace: int = 8) -> None:
+        """Let one picture of ``pace`` through and lose the others; 1 is all of them."""
+        self._pace = pace
+
+    def _seen(self, now: float) -> Image:
+        """Return what comes through the lens at time ``now``."""
+        if not self._covered:
+            return self._draw(now)
+        return np.zeros_like(self._draw(now) if self._picture is None else self._picture)

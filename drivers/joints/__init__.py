@@ -1,0 +1,1 @@
+"""What all named joints share, whichever bus or topic they are on."""

@@ -1,0 +1,265 @@
+"""A Kobuki at the level of its wire: reads commands, drives its wheels, and reports 50 times a second."""
+
+from collections.abc import Iterable
+from math import degrees
+from threading import RLock
+
+from drivers.api import Lamp, Pose2D, Sides, Tune
+from drivers.kobuki import commands, feedback
+from drivers.kobuki.commands import (
+    COMMANDS,
+    OUTPUTS_AT_START,
+    BaseControl,
+    Extra,
+    GetGains,
+    Output,
+    RequestExtra,
+    SetGains,
+    SetOutputs,
+    Sound,
+    SoundSequence,
+)
+from drivers.kobuki.wire import BAUD, MAX_PAYLOAD, FrameFinder, Part, decode, frame, subpayload
+from drivers.sim.battery import Battery
+from drivers.sim.body import Body, either
+from drivers.sim.ground import Ground
+from drivers.sim.wheels import DelayLine, Wheels
+
+PERIOD = 0.02
+"""Seconds between two reports."""
+
+FULL_SPEED = 0.7
+"""m/s of a wheel at full pulse width."""
+
+FLOOR, NO_FLOOR = 2000, 100
+"""What a floor sensor measures with the floor beneath it, and without."""
+
+UNKNOWN_ID = 0x63
+
+BUTTONS = (0, 1, 2)
+
+NOTE_STEP = 2.75e-6
+"""Seconds that the period of a tone grows with each step of its note."""
+
+OVERLOADED_LEFT, OVERLOADED_RIGHT = 1, 2
+
+GAINS_SINCE = (1, 2, 0)
+"""The firmware from which on it knows of the gains of its motors."""
+
+
+class VirtualKobuki:
+    """A ``drivers.virtual.terminal.WireDevice``. Safe between threads.
+
+    It feels what its ``body`` feels of the ground, and what is set from outside, at any time: ``bumper``, ``cliff``,
+    ``wheel_drop`` (no centre), ``buttons`` (of ``BUTTONS``), what is at its ``sockets``, and, instead of what comes of
+    its battery and dock, ``battery_voltage`` and ``charger`` (as in ``feedback.Charger``) where these are not None.
+    ``gyro_offset`` in radians is what its gyro shows at the heading 0; ``late`` delays all reports. Faults of the
+    firmware, likewise: ``frozen`` sends no reports, ``shortened`` is the ID of a part that lacks its last byte,
+    ``chatty`` adds a part that nobody knows. ``played`` keeps the tunes and tones (hertz, seconds) that it was asked
+    for, ``outputs`` the word of all that it switches.
+    """
+
+    def __init__(
+        self,
+        *,
+        wheels: Wheels | None = None,
+        ground: Ground | None = None,
+        battery: Battery | None = None,
+        firmware: tuple[int, int, int] = (1, 2, 0),
+    ) -> None:
+        self.body = Body(wheels=wheels, ground=ground, battery=battery)
+        self.wheels = self.body.wheels
+        self.bumper = self.cliff = self.wheel_drop = Sides()
+        self.buttons: frozenset[int] = frozenset()
+        self.sockets = feedback.Inputs()
+        self.battery_voltage: float | None = None
+        self.charger: int | None = None
+        self.gyro_offset = 0.0
+        self.frozen = False
+        self.late: DelayLine[bytes] = DelayLine()
+        self.shortened: int | None = None
+        self.chatty = False
+        self.played: list[Tune | tuple[float, float]] = []
+        self.outputs = int(OUTPUTS_AT_START)
+        self.gains = feedback.Gains()
+        self._firmware = firmware
+        self._finder = FrameFinder()
+        self._answers: list[Part] = []
+        self._started_at = self._next_at = 0.0
+        self._reports = self._samples = 0
+        self._lock = RLock()
+
+    @property
+    def baud(self) -> int:
+        """The rate it listens at."""
+        return BAUD
+
+    def feed(self, data: bytes, now: float) -> bytes:
+        """Take commands; what they ask for comes with the next report, so the answer here is empty."""
+        with self._lock:
+            self.body.advance(now)
+            for payload in self._finder.feed(data):
+                for command in decode(payload, COMMANDS).parts:
+                    self._obey(command, now)
+        return b""
+
+    def poll(self, now: float) -> bytes:
+        """Return the reports that are due by ``now``; the first call is when the base was switched on."""
+        with self._lock:
+            if self._reports == 0:
+                self._started_at = self._next_at = now
+            while self._next_at <= now:
+                self.body.advance(self._next_at)
+                self.late.put(self._next_at, self._report(self._next_at))
+                self._reports += 1
+                self._next_at = self._started_at + self._reports * PERIOD
+            return b"".join(self.late.due(now))
+
+    def next_at(self) -> float | None:
+        """Return when the next report is due; None before it is switched on."""
+        with self._lock:
+            return self._next_at if self._reports else None
+
+    def press(self, number: int, *, down: bool = True) -> None:
+        """Press one of its buttons, or let go of it. Raises ValueError for a button that it does not have."""
+        if number not in BUTTONS:
+            raise ValueError(f"kobuki: no button {number}, only {BUTTONS}")
+        self.buttons = self.buttons | {number} if down else self.buttons - {number}
+
+    @property
+    def lights(self) -> dict[int, Lamp]:
+        """What its two lights show."""
+        word = Output(self.outputs)
+        return {
+            1: _lamp(Output.LED1_RED in word, Output.LED1_GREEN in word),
+            2: _lamp(Output.LED2_RED in word, Output.LED2_GREEN in word),
+        }
+
+    def pose(self, now: float) -> Pose2D:
+        """Where it really is at time ``now``."""
+        with self._lock:
+            return self.body.advance(now)
+
+    def _obey(self, command: Part, now: float) -> None:
+        match command:
+            case BaseControl():
+                self.body.command(*command.velocity, now)
+            case RequestExtra(flags=flags):
+                self._answers += self._extras(flags)
+            case SetOutputs(word=word):
+                self.outputs = word
+            case SoundSequence(tune=tune) if tune in list(commands.Tune):
+                self.played.append(Tune[commands.Tune(tune).name])
+            case Sound(note=note, duration_ms=milliseconds) if note:
+                self.played.append((1 / (note * NOTE_STEP), milliseconds / 1000))
+            case SetGains(user=user) if self._firmware >= GAINS_SINCE:
+                self.gains = (
+                    feedback.Gains(user, command.p_thousandths, command.i_thousandths, command.d_thousandths)
+                    if user
+                    else feedback.Gains()
+                )
+            case GetGains() if self._firmware >= GAINS_SINCE:
+                self._answers.append(self.gains)
+            case _:
+                pass  # what it does not know, it does not do
+
+    def _extras(self, flags: int) -> Iterable[Part]:
+        if flags & Extra.HARDWARE:
+            yield feedback.HardwareVersion(patch=4, minor=0, major=1)
+        if flags & Extra.FIRMWARE:
+            major, minor, patch = self._firmware
+            yield feedback.FirmwareVersion(patch, minor, major)
+        if flags & Extra.UNIQUE_ID:
+            yield feedback.UniqueId(0x4B6F6275, 0x6B690000, 0x00000001)
+
+    def _report(self, now: float) -> bytes:
+        """Return one frame with all that it feels at ``now``, and as many of the answers that are due as it holds."""
+        if self.frozen:
+            return b""
+        parts = [
+            self._core(now),
+            self._dock(),
+            self._inertia(now),
+            self._floor(),
+            self._currents(),
+            self._gyro(),
+            self.sockets,
+        ]
+        payload = b"".join(self._subpayload(part) for part in parts)
+        payload += subpayload(UNKNOWN_ID, b"\x01\x02") if self.chatty else b""
+        while self._answers and len(payload + (answer := self._subpayload(self._answers[0]))) <= MAX_PAYLOAD:
+            payload += answer
+            del self._answers[0]
+        return frame(payload)
+
+    def _subpayload(self, part: Part) -> bytes:
+        data = part.pack()
+        return subpayload(part.ID, data[:-1] if self.shortened == part.ID else data)
+
+    def _core(self, now: float) -> feedback.Core:
+        left, right = self.wheels.speeds
+        left_encoder, right_encoder = self.body.encoders
+        wheel_drop = either(self.wheel_drop, self.body.wheel_drop)
+        overcurrent, voltage = self.body.overcurrent, self.battery_voltage
+        return feedback.Core(
+            time_ms=round(1000 * (now - self._started_at)) & 0xFFFF,
+            bumper=_bits(either(self.bumper, self.body.bumper)),
+            wheel_drop=(feedback.DROPPED_LEFT if wheel_drop.left else 0)
+            | (feedback.DROPPED_RIGHT if wheel_drop.right else 0),
+            cliff=_bits(either(self.cliff, self.body.cliff)),
+            left_encoder=left_encoder & 0xFFFF,
+            right_encoder=right_encoder & 0xFFFF,
+            left_pwm=_clip(0x7F * left / FULL_SPEED, 0x7F),
+            right_pwm=_clip(0x7F * right / FULL_SPEED, 0x7F),
+            buttons=sum(1 << number for number in self.buttons),
+            charger=self._charger() if self.charger is None else self.charger,
+            battery_decivolts=round(10 * (self.body.battery.voltage if voltage is None else voltage)),
+            overcurrent=(OVERLOADED_LEFT if overcurrent.left else 0) | (OVERLOADED_RIGHT if overcurrent.right else 0),
+        )
+
+    def _charger(self) -> int:
+        charger = feedback.Charger
+        if not self.body.docked:
+            return 0
+        return int(charger.POWERED | charger.CHARGING) if self.body.battery.charging else int(charger.POWERED)
+
+    def _dock(self) -> feedback.DockInfrared:
+        heard = self.body.signals()
+        return feedback.DockInfrared(right=heard.right, centre=heard.centre, left=heard.left)
+
+    def _currents(self) -> feedback.MotorCurrent:
+        """Return what the motors draw; a byte holds no more than 2.55 A."""
+        left, right = (min(round(100 * amperes), 0xFF) for amperes in self.body.currents)
+        return feedback.MotorCurrent(left, right)
+
+    def _inertia(self, now: float) -> feedback.Inertia:
+        gyro = self.body.gyro
+        heading = round(100 * degrees(self.body.pose.heading + self.gyro_offset + gyro.error(now)))
+        rate = 100 * degrees(self.body.velocity.angular + gyro.rate)
+        return feedback.Inertia((heading + 18000) % 36000 - 18000, _clip(rate, 0x7FFF))
+
+    def _floor(self) -> feedback.CliffDistance:
+        cliff = either(self.cliff, self.body.cliff)
+        seen = [NO_FLOOR if side else FLOOR for side in (cliff.right, cliff.centre, cliff.left)]
+        return feedback.CliffDistance(*seen)
+
+    def _gyro(self) -> feedback.RawGyro:
+        """Return two samples or, now and then, three: a reader must take both."""
+        count = 3 if self._reports % 25 == 24 else 2
+        self._samples += count
+        sample = (0, 0, _clip(self.body.velocity.angular / feedback.GYRO_STEP, 0x7FFF))
+        return feedback.RawGyro(self._samples & 0xFF, (sample,) * count)
+
+
+def _bits(sides: Sides) -> int:
+    side = feedback.Side
+    pairs = ((sides.left, side.LEFT), (sides.centre, side.CENTRE), (sides.right, side.RIGHT))
+    return sum(int(bit) for on, bit in pairs if on)
+
+
+def _lamp(red: bool, green: bool) -> Lamp:
+    return Lamp.ORANGE if red and green else Lamp.RED if red else Lamp.GREEN if green else Lamp.OFF
+
+
+def _clip(value: float, most: int) -> int:
+    return max(-most, min(round(value), most))

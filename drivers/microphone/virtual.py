@@ -1,0 +1,141 @@
+"""A microphone in a simulated world: what people say there, a synthesiser speaks over the noise of a quiet room."""
+
+from collections.abc import Callable
+from queue import SimpleQueue
+from threading import Event, Lock, Thread
+
+import numpy as np
+
+from drivers.api import SOUND_RATE, DeviceStatus, Health, Manner, Report, Samples, Sound, ignore
+from drivers.clock import Clock
+from drivers.errors import DriverError
+from drivers.microphone.twin import never
+from drivers.microphone.wav import KEPT, PIECE, resampled
+from drivers.sim.acts import Reply
+from drivers.sound.cut import Cut
+from drivers.sound.engines import Engine
+
+NOISE = 25.0
+"""Steps of 65536 by which a microphone's sound trembles in a quiet room (standard deviation)."""
+
+LOUDNESS = 0.4
+"""How much of the synthesiser's loudness arrives."""
+
+SOON = 0.05
+"""Seconds from now at which somebody begins to speak: what has been read already cannot be changed."""
+
+CLOSED = None
+
+
+class VoicedMicrophone:
+    """A ``drivers.api.Microphone`` that hears simulated people; ``voice_of`` says how each of them speaks.
+
+    People let the robot finish: they begin once ``deaf(start, end)`` is over.
+    """
+
+    name = "microphone"
+
+    def __init__(
+        self,
+        clock: Clock,
+        engine: Engine,
+        voice_of: Callable[[str], Manner],
+        *,
+        deaf: Callable[[float, float], bool] = never,
+        report: Report = ignore,
+    ) -> None:
+        self._clock = clock
+        self._engine = engine
+        self._voice_of = voice_of
+        self._deaf = deaf
+        self._report = report
+        self._lock = Lock()  # over the speeches
+        self._speeches: list[tuple[int, Samples]] = []  # the number of its first sample, and the sound
+        self._replies: SimpleQueue[Reply | None] = SimpleQueue()
+        self._ending = Event()
+        self._thread: Thread | None = None
+        self._began: float | None = None
+
+    def open(self) -> None:
+        """Begin to listen. Safe more than once."""
+        if self._thread is None:
+            self._ending.clear()
+            self._engine.open()
+            self._began = self._clock.now()
+            self._thread = Thread(target=self._run, name="people", daemon=True)
+            self._thread.start()
+
+    def rest(self) -> None:
+        """Do nothing: a microphone moves nothing."""
+
+    def close(self) -> None:
+        """End it. Safe from any state, more than once."""
+        self._ending.set()
+        self._replies.put(CLOSED)
+        thread, self._thread = self._thread, None
+        self._engine.close()
+        if thread is not None:
+            thread.join()
+        self._began = None
+
+    def health(self) -> Health:
+        """Say whether people can be heard."""
+        if self._began is None:
+            return Health(False, f"{self.name}: not opened yet", "open it first")
+        return Health(not self._engine.broken, self._engine.broken)
+
+    def hear(self, reply: Reply) -> None:
+        """Take note of what somebody says now. From any thread."""
+        self._replies.put(reply)
+
+    def read(self, after: int) -> list[Sound]:
+        """Return the pieces that have sounded by now, with a larger number than ``after``, of the last 5 s."""
+        began = self._began
+        if began is None:
+            return []
+        sounded = self._samples() // PIECE
+        wanted = range(max(after + 1, sounded - KEPT, 0), sounded)
+        return [Sound(each, began + each * PIECE / SOUND_RATE, self._piece(each)) for each in wanted]
+
+    def _samples(self) -> int:
+        """Return how many samples have sounded by now."""
+        return int((self._clock.now() - (self._began or 0.0)) * SOUND_RATE + 1e-6)
+
+    def _piece(self, number: int) -> Samples:
+        """Return a piece: the noise of its number, and whatever is spoken over it."""
+        sound = np.random.default_rng(number).normal(0.0, NOISE, PIECE)
+        first = number * PIECE
+        with self._lock:
+            for start, speech in self._speeches:
+                low, high = max(start, first), min(start + len(speech), first + PIECE)
+                if low < high:
+                    sound[low - first : high - first] += speech[low - start : high - start] * LOUDNESS
+        return np.asarray(np.clip(np.rint(sound), -32768, 32767), np.int16)
+
+    # --- the thread ---------------------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while (reply := self._replies.get()) is not CLOSED and not self._ending.is_set():
+            try:
+                self._speak(reply)
+            except Exception as error:  # whatever it is: the next one may be heard
+                if not self._ending.is_set():
+                    hint = error.hint if isinstance(error, DriverError) else ""
+                    self._report(DeviceStatus(self.name, "fault", f"{reply.who} cannot be heard: {error}", hint))
+
+    def _speak(self, reply: Reply) -> None:
+        """Make a sound of what somebody says, and let them say it when the robot is silent."""
+        spoken = self._engine.speak(reply.text, self._voice_of(reply.who), Cut())
+        if spoken is None:
+            return
+        sound = resampled(np.frombuffer(spoken.samples, "<i2").astype(np.float64), spoken.rate)
+        while self._deaf(self._clock.now(), self._clock.now() + SOON) and not self._ending.wait(SOON):
+            pass
+        start = self._samples() + round(SOON * SOUND_RATE)
+        with self._lock:
+            now = self._samples()
+            latest = max((each + len(speech) for each, speech in self._speeches), default=0)
+            self._speeches = [
+                (each, speech) for each, speech in self._speeches if each + len(speech) > now - KEPT * PIECE
+            ]
+            self._speeches.append((max(start, latest), sound))  # one after another, as polite people do

@@ -1,0 +1,1 @@
+"""Pictures from any feed: decoded, turned, and held ready by a thread."""

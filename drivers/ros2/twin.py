@@ -1,0 +1,203 @@
+"""The twins of a robot of ROS 2: its nodes with a stand-in for Nav2, its base and range finder, in simulated time."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import count
+from typing import Any
+
+from drivers.api import GoalState, Health, Pose2D, Progress, Quality, Reading, Report, ignore
+from drivers.api.ros2 import START, Place
+from drivers.api.sections import Ros2Keys
+from drivers.base.reckoning import TwoWheels
+from drivers.base.twin import BaseTwin
+from drivers.clock import Clock
+from drivers.errors import BadRequest, DriverError, NotConnected
+from drivers.ros2.actions import reason
+from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
+from drivers.ros2.requests import ENDED
+from drivers.rplidar.twin import RangerTwin
+from drivers.sim.ground import BackupLimit
+from drivers.sim.navigator import NO_PROGRESS, Navigator
+from drivers.sim.plug import Plug
+from drivers.sim.scanner import looking
+from drivers.sim.stage import Stage
+from drivers.sim.twins import making
+from drivers.sim.world import World
+
+FASTEST = 100.0
+"""m/s, which no wheel turns: its limits are those of its section."""
+
+
+@dataclass(slots=True)
+class _Drive:
+    """A goal of the stand-in for Nav2, and how far it has come."""
+
+    navigator: Navigator
+    frame: str
+    name: str
+    progress: Progress
+
+
+class Ros2Twin:
+    """A ``drivers.api.Ros2`` whose only actions are Nav2's: they drive the base's twin straight to a place.
+
+    ``published`` keeps what was sent, as (topic, type, values). No service and no other action is there.
+    """
+
+    name = "ros2"
+    PERIOD = 0.05
+    """Seconds between two steps."""
+
+    def __init__(
+        self, keys: Ros2Keys, clock: Clock, base: Callable[[], BaseTwin | None], report: Report = ignore
+    ) -> None:
+        self.plug = Plug(self.name, report, gone=self.stop)
+        self.published: list[tuple[str, str, str]] = []
+        self._keys, self._clock, self._base = keys, clock, base
+        self._numbers = count(1)
+        self._all: dict[int, _Drive] = {}
+
+    def open(self) -> None:
+        """Be there at once, unless it is unplugged."""
+        self.plug.open()
+
+    def rest(self) -> None:
+        """Cancel what was begun."""
+        self.stop()
+
+    def close(self) -> None:
+        """Cancel what was begun, and go."""
+        self.stop()
+        self.step()
+        self.plug.close()
+
+    def health(self) -> Health:
+        """Say whether it is there."""
+        return self.plug.health({})
+
+    def nodes(self) -> int:
+        """Return how many nodes there are."""
+        return 1 if self.plug.online else 0
+
+    def does(self, name: str) -> bool:
+        """Whether it is one of the actions of Nav2."""
+        return self.plug.online and name in {self._keys.navigation, self._keys.through}
+
+    offers = does
+
+    def navigates(self) -> bool:
+        """Whether there is Nav2 to drive by."""
+        return self.plug.online
+
+    def latest(self, topic: str) -> Reading[str]:
+        """Return the newest message that was published here on a topic."""
+        values = next((each[2] for each in reversed(self.published) if each[0] == topic), None)
+        now = self._clock.now()
+        return Reading(values, now, Quality.NONE if values is None else Quality.GOOD)
+
+    def progress(self, number: int) -> Progress:
+        """Return how far a goal has come. Raises BadRequest for a number that was never given."""
+        if number not in self._all:
+            raise BadRequest(f"ros2: there is no request {number}")
+        return self._all[number].progress
+
+    def publish(self, topic: str, kind: str, values: str) -> None:
+        """Keep what is sent."""
+        self.plug.require()
+        self.published.append((topic, kind, values))
+
+    def call(self, service: str, kind: str, values: str) -> int:
+        """Refuse: there is no service."""
+        del kind, values
+        raise NotConnected(
+            f"ros2: nobody offers {service}: this robot is simulated", hint="run it with --simulate wire"
+        )
+
+    def begin(self, action: str, kind: str, goal: str) -> int:
+        """Begin an action of Nav2 by its own goal. Raises NotConnected for another."""
+        del kind
+        if action != self._keys.navigation:
+            what = f"ros2: nobody offers {action}: this robot is simulated"
+            raise NotConnected(what, hint="run it with --simulate wire")
+        pose = json.loads(goal or "{}").get("pose", {})
+        at = pose.get("pose", {}).get("position", {})
+        place = (float(at.get("x", 0.0)), float(at.get("y", 0.0)), 0.0)
+        return self.navigate((place,), pose.get("header", {}).get("frame_id", "map"))
+
+    def navigate(self, places: tuple[Place, ...], frame: str) -> int:
+        """Begin to drive to a place, through others before it."""
+        self.plug.require()
+        number = next(self._numbers)
+        name = self._keys.navigation if len(places) == 1 else self._keys.through
+        self._all[number] = _Drive(Navigator(places), frame, name, Progress(GoalState.RUNNING))
+        return number
+
+    def cancel(self, number: int) -> None:
+        """Cancel a goal: it ends at the next step."""
+        drive = self._all.get(number)
+        if drive is not None and not drive.progress.over:
+            drive.navigator.cancel()
+            drive.progress = replace(drive.progress, state=GoalState.CANCELLING)
+
+    def stop(self) -> None:
+        """Cancel all goals."""
+        for number in list(self._all):
+            self.cancel(number)
+
+    def step(self) -> None:
+        """Drive on."""
+        base = self._base()
+        for drive in list(self._all.values()):
+            if not drive.progress.over and base is not None:
+                self._drive(drive, base)
+
+    def _drive(self, drive: _Drive, base: BaseTwin) -> None:
+        state = base.state().value
+        now, navigator = self._clock.now(), drive.navigator
+        if state is None:
+            return
+        pose: Pose2D = state.pose if drive.frame in {START, "odom"} else base.true_pose(now)
+        velocity = navigator.velocity(now, pose)
+        if velocity is not None:
+            feedback = {"distance_remaining": round(navigator.distance(pose), 3), "number_of_recoveries": 0}
+            feedback["number_of_poses_remaining"] = navigator.left
+            drive.progress = replace(drive.progress, feedback=json.dumps(feedback))
+            try:
+                base.drive(velocity)
+            except DriverError:  # latched, or away: it makes no headway, and says so in the end
+                return
+            return
+        base.stop()
+        ended = ENDED[navigator.ended or 0]
+        result: dict[str, Any] = {"error_code": NO_PROGRESS if ended is GoalState.FAILED else 0, "error_msg": ""}
+        why = reason("nav2_msgs/", result)
+        told = f"{drive.name}: {why}" if why else ""
+        drive.progress = Progress(ended, told, drive.progress.feedback, json.dumps(result))
+
+
+def graph(keys: ZenohKeys, stage: Stage) -> Ros2Twin:
+    """Return the twin of the nodes of a robot."""
+    return Ros2Twin(keys, stage.clock, lambda: stage.parts.get("base"), stage.report)
+
+
+def base(keys: Ros2BaseKeys, stage: Stage) -> BaseTwin:
+    """Return the twin of a base: of one with contacts as a Kobuki's, of others without."""
+    if keys.hazards:
+        twin = making.base(keys, stage)
+        twin.body.backup_limit = BackupLimit()
+        return twin
+    return making.plain(TwoWheels(0.2, FASTEST), keys, stage, reckoned=False, gauge=bool(keys.battery), gyro=True)
+
+
+def ranger(keys: Ros2RangeKeys, stage: Stage) -> RangerTwin:
+    """Return the twin of a range finder."""
+    world = World() if stage.world is None else stage.world
+    return RangerTwin(
+        looking(world, keys.place, stage.pose, height=keys.position[2]),
+        stage.clock,
+        place=keys.place,
+        blind=keys.blind,
+        report=stage.report,
+        seed=stage.seed,
+    )

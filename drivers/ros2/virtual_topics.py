@@ -1,0 +1,267 @@
+"""What robots of ROS 2 have at the far end of their topics: a base, a range finder. Frames in, frames out."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from math import cos, inf, sin
+from threading import RLock
+from typing import Any
+
+import cv2
+import numpy as np
+
+from drivers.api import Image, Lamp, Pose2D, Sides, Velocity
+from drivers.base.reckoning import Reckoning
+from drivers.ros2 import base, wire
+from drivers.ros2.base import KINDS, SENT
+from drivers.ros2.camera import IMAGES
+from drivers.ros2.line import BAUD, Channel
+from drivers.ros2.ranger import SCAN
+from drivers.ros2.types import Malformed, types
+from drivers.sim.body import NOTHING, Body, either
+from drivers.sim.scanner import Look
+from drivers.sim.wheels import DelayLine
+
+PERIOD = 0.02
+"""Seconds between two messages of odometry."""
+
+SLOW = 0.5
+"""Seconds between two messages of battery and dock."""
+
+VOLTS = 14.4
+
+_FRAMES: Mapping[int, Mapping[str, tuple[str, ...]]] = {
+    base.BUMP: {"left": ("bump_left",), "centre": ("bump_front_center",), "right": ("bump_right",)},
+    base.CLIFF: {
+        "left": ("cliff_side_left",),
+        "centre": ("cliff_front_left", "cliff_front_right"),
+        "right": ("cliff_side_right",),
+    },
+    base.WHEEL_DROP: {"left": ("wheel_drop_left",), "centre": (), "right": ("wheel_drop_right",)},
+}
+"""Where a Create 3 feels something, by the type of the hazard."""
+
+
+class Topics:
+    """A ``drivers.virtual.terminal.WireDevice`` of ``channels``: what is common. Safe between threads."""
+
+    baud = BAUD
+
+    def __init__(self, channels: Sequence[Channel]) -> None:
+        self.channels = list(channels)
+        self.frozen = False
+        """True while it says nothing, and hears nothing: as a link that stalls."""
+        self._finder = wire.FrameFinder()
+        self._lock = RLock()
+        self._asked = False
+
+    def plugged(self, now: float) -> None:  # noqa: ARG002 - it has its power from its battery
+        """Begin anew on a line."""
+        self._finder = wire.FrameFinder()
+
+    def feed(self, data: bytes, now: float) -> bytes:
+        """Take frames; return the answers."""
+        with self._lock:
+            for channel, payload in self._finder.feed(data):
+                if channel == wire.ABOUT:
+                    self._asked = True
+                elif not self.frozen and channel < wire.at(0, 1):  # of the type that it listens to, its first
+                    self._hear(channel, payload, now)
+            return self._said(now)
+
+    def poll(self, now: float) -> bytes:
+        """Let time pass; return the frames that are due."""
+        with self._lock:
+            return self._said(now)
+
+    def _said(self, now: float) -> bytes:
+        asked, self._asked = self._asked, False
+        about = [wire.about(number, self._kind(number)) for number in range(len(self.channels))] if asked else []
+        frames = [wire.frame(number, payload) for number, payload in self._messages(now)]
+        return b"".join(about if self.frozen else [*about, *frames])
+
+    def _kind(self, channel: int) -> str:
+        return self.channels[channel].kinds[0]
+
+    def _hear(self, channel: int, payload: bytes, now: float) -> None:
+        """Take a message."""
+
+    def _messages(self, now: float) -> Iterable[tuple[int, bytes]]:  # noqa: ARG002 - of those that say something
+        """Yield what is due: the channel and the message."""
+        return ()
+
+
+class VirtualBase(Topics):
+    """A base of ROS 2 with a ``body``; ``stamped`` has it listen to TwistStamped.
+
+    It feels what its body feels, and what is set from outside: ``bumper``, ``cliff``, ``wheel_drop``, and ``hazards``,
+    each a type and the frame where it is felt. Its odometry
+    begins at ``origin``, as that of a robot that has driven before. ``steered`` may drive it instead, while it returns
+    a velocity: as Nav2 does. Odometry is sent every ``odometry_interval`` seconds, ``late``. ``velocities`` are those
+    that it was told, with their times.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        topics: Mapping[str, str],
+        *,
+        stamped: bool = False,
+        origin: Pose2D = Pose2D(0.0, 0.0, 0.0),  # noqa: B008 - it is frozen
+    ) -> None:
+        twists = KINDS["cmd_vel"][::-1] if stamped else KINDS["cmd_vel"]
+        super().__init__(
+            [Channel(name, twists if word == "cmd_vel" else KINDS[word], word in SENT) for word, name in topics.items()]
+        )
+        self.body, self.origin = body, origin
+        self.bumper = self.cliff = self.wheel_drop = Sides()
+        self.hazards: list[tuple[int, str]] = []
+        self.lamps: tuple[Lamp, Lamp] = (Lamp.OFF, Lamp.OFF)
+        self.notes: list[int] = []
+        self.velocities: list[tuple[float, Velocity]] = []
+        self.steered: Callable[[float, Pose2D], Velocity | None] = lambda now, pose: None  # noqa: ARG005
+        self._words = list(topics)
+        self._reckoning = Reckoning()
+        self.odometry_interval = PERIOD
+        self.late: DelayLine[dict[str, object]] = DelayLine()
+        self._due = self._slow_due = self._odometry_due = -inf
+
+    def pose(self, now: float) -> Pose2D:
+        """Where it really is at time ``now``."""
+        with self._lock:
+            return self.body.advance(now)
+
+    @property
+    def odometry(self) -> Pose2D:
+        """Where it takes itself to be."""
+        at, own = self.origin, self._reckoning.pose
+        along, across = cos(at.heading), sin(at.heading)
+        x, y = at.x + own.x * along - own.y * across, at.y + own.x * across + own.y * along
+        return Pose2D(x, y, at.heading + own.heading)
+
+    def _hear(self, channel: int, payload: bytes, now: float) -> None:
+        word = self._words[channel]
+        try:
+            told = types().decode(self._kind(channel), payload)
+        except Malformed:
+            return
+        if word == "cmd_vel":
+            twist = getattr(told, "twist", told)
+            velocity = Velocity(twist.linear.x, twist.angular.z)
+            self.velocities.append((now, velocity))
+            self.body.command(velocity.linear, velocity.angular, now)
+        elif word == "lights":
+            shown = [(each.red, each.green, each.blue) for each in told.leds]
+            named = {colour: lamp for lamp, colour in base.COLOURS.items()}
+            self.lamps = named[shown[0]], named[shown[5]]
+        elif word == "sounds":
+            self.notes += [each.frequency for each in told.notes]
+
+    def _messages(self, now: float) -> Iterable[tuple[int, bytes]]:
+        self.body.advance(now)
+        velocity = self.steered(now, self.odometry)
+        if velocity is not None:
+            self.body.command(velocity.linear, velocity.angular, now)
+        self._reckoning.advance(now, self._rolls())
+        if now >= self._due:
+            self._due = now + PERIOD
+            yield from self._send("hazards", self._hazards())
+            yield from self._send("sensors", {"bumper": int(bool(either(self.bumper, self.body.bumper)))})
+        if now >= self._odometry_due:
+            self._odometry_due = now + self.odometry_interval
+            self.late.put(now, self._odometry())
+        for odometry in self.late.due(now):
+            yield from self._send("odom", odometry)
+        if now >= self._slow_due:
+            self._slow_due = now + SLOW
+            battery = self.body.battery
+            status = 1 if self.body.docked else 2
+            share = {"voltage": VOLTS, "percentage": battery.percent / 100, "power_supply_status": status}
+            yield from self._send("battery", share)
+            yield from self._send("dock", {"dock_visible": bool(self.body.signals()), "is_docked": self.body.docked})
+
+    def _send(self, word: str, values: Mapping[str, object]) -> Iterable[tuple[int, bytes]]:
+        if word in self._words:
+            number = self._words.index(word)
+            yield number, types().encode(self._kind(number), values)
+
+    def _rolls(self) -> Velocity:
+        left, right = self.body.counters.speeds
+        return Velocity((left + right) / 2, (right - left) / self.body.wheels.separation + self.body.gyro.rate)
+
+    def _odometry(self) -> dict[str, object]:
+        at, moves = self.odometry, self._rolls()
+        turned = {"z": sin(at.heading / 2), "w": cos(at.heading / 2)}
+        return {
+            "header": {"frame_id": "odom"},
+            "child_frame_id": "base_link",
+            "pose": {"pose": {"position": {"x": at.x, "y": at.y}, "orientation": turned}},
+            "twist": {"twist": {"linear": {"x": moves.linear}, "angular": {"z": moves.angular}}},
+        }
+
+    def _hazards(self) -> dict[str, object]:
+        felt: dict[int, Sides] = {
+            base.BUMP: either(self.bumper, self.body.bumper),
+            base.CLIFF: either(self.cliff, self.body.cliff),
+            base.WHEEL_DROP: either(self.wheel_drop, self.body.wheel_drop or NOTHING),
+        }
+        found = [
+            (kind, frame)
+            for kind, sides in felt.items()
+            for side, frames in _FRAMES[kind].items()
+            if getattr(sides, side)
+            for frame in frames
+        ]
+        if self.body.backup_limit is not None and self.body.backup_limit.reached:
+            found.append((base.BACKUP_LIMIT, "base_link"))
+        return {"detections": [{"type": kind, "header": {"frame_id": frame}} for kind, frame in found + self.hazards]}
+
+
+class VirtualScan(Topics):
+    """A range finder of ROS 2 that sees what ``look`` sees: ``beams`` all around, ``rate`` times a second."""
+
+    def __init__(
+        self, look: Look, topic: str, *, yaw: float = 0.0, beams: int = 360, rate: float = 8.0, seed: int = 0
+    ) -> None:
+        super().__init__([Channel(topic, (SCAN,))])
+        self._look, self._yaw, self._beams, self._period = look, yaw, beams, 1 / rate
+        self._random = np.random.default_rng(seed)
+        self._due = -inf
+
+    def _messages(self, now: float) -> Iterable[tuple[int, bytes]]:
+        if now < self._due:
+            return
+        self._due = now + self._period
+        step = 2 * np.pi / self._beams
+        own = -np.pi + step * np.arange(self._beams)
+        ranges = self._look(np.asarray(own + self._yaw, np.float64), now - self._period / 2)
+        ranges = ranges * (1 + self._random.normal(0, 0.01, self._beams))
+        ranges[ranges > 12.0] = np.inf
+        scan: dict[str, Any] = {
+            "header": {"frame_id": "laser"}, "angle_min": -np.pi, "angle_max": np.pi - step, "angle_increment": step,
+            "scan_time": self._period, "range_min": 0.15, "range_max": 12.0, "ranges": ranges.astype(np.float32),
+        }  # fmt: skip
+        yield 0, types().encode(SCAN, scan)
+
+
+class VirtualPictures(Topics):
+    """A camera of ROS 2 that sends what ``draw`` returns (height, width, 3; BGR), ``rate`` times a second."""
+
+    def __init__(
+        self, draw: Callable[[float], Image], topic: str, *, compressed: bool = False, rate: float = 10.0
+    ) -> None:
+        super().__init__([Channel(topic, IMAGES[1:] if compressed else IMAGES[:1])])
+        self._draw, self._period = draw, 1 / rate
+        self._due = -inf
+
+    def _messages(self, now: float) -> Iterable[tuple[int, bytes]]:
+        if now < self._due:
+            return
+        self._due = now + self._period
+        image = self._draw(now)
+        kind = self._kind(0)
+        if kind == IMAGES[1]:
+            data = cv2.imencode(".jpg", image)[1].tobytes()
+            yield 0, types().encode(kind, {"format": "bgr8; jpeg compressed bgr8", "data": data})
+            return
+        height, width = image.shape[:2]
+        values = {"height": height, "width": width, "encoding": "bgr8", "step": 3 * width, "data": image.tobytes()}
+        yield 0, types().encode(kind, values)

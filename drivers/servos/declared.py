@@ -1,0 +1,308 @@
+"""Dynamixel servos as drivers of arms and of heads, and their keys in a robot file.
+
+A joint says how it moves in angles, or, as the ROS stack ``dynamixel_controllers`` does, in steps of its servo::
+
+    elbow: {id: 4, zero: 10 deg, limits: [-90 deg, 90 deg], reverse: true}
+    knee: {id: 15, model: EX-106+, ticks: {init: 2048, min: 3000, max: 1000}}
+
+With ``ticks`` the joint is at 0 where the servo stands at ``init``, and its angle grows from ``min`` towards ``max``:
+where ``min`` is above ``max``, the servo is mounted the other way round.
+"""
+
+from collections.abc import Collection, Iterator, Mapping
+from math import degrees, pi
+from typing import Literal
+
+from drivers.api.device import Away
+from drivers.api.driver import Driver
+from drivers.api.joints import JointLimits
+from drivers.api.keys import Mistake, key, keys
+from drivers.api.sections import ArmKeys, AxisKeys, HeadKeys, Wired
+from drivers.servos.models import MODELS, Model
+from drivers.servos.units import Framing
+
+# Two servos on one joint, which would work against each other: recognised by the names of their joints.
+
+SECOND = frozenset({"mimic", "shadow", "slave", "twin", "mirror", "dual", "secondary"})
+"""Words that say of a joint that it is another one's second servo: `shoulder_mimic`, as in files of ROS."""
+
+
+def second_servos(joints: Collection[str]) -> Iterator[Mistake]:
+    """Yield the joints of an arm that are the second servos of others by their names."""
+    for name in joints:
+        words = name.split("_")
+        for token in SECOND & {word.lower() for word in words}:
+            first = "_".join(word for word in words if word.lower() != token)
+            if first in joints:
+                message = f"joints '{first}' and '{name}' seem to be two servos on one joint, which are not driven here"
+                hint = f"one would work against the other; if they are two joints, call one without '{token}'"
+                about = (("joints", name), ("joints", first))
+                yield Mistake(message, ("joints", name), named=True, hint=hint, about=about)
+
+
+ALIASES: Mapping[str, str] = {"AX-12": "AX-12A", "AX-12+": "AX-12A"}
+"""Names of models that are the same to a program."""
+
+DYNAMIXEL = tuple(name for name, model in MODELS.items() if model.protocol != "STS")
+"""The models that it drives."""
+
+UNDRIVEN = "others, such as XL-320 and SCS0009, are recognised and set up, but not driven"
+"""What is said of a model that is none of those."""
+
+REACH = 2.6
+"""Radians that a joint without limits may turn either way, if its servo does."""
+
+
+@keys
+class Ticks:
+    """Where a servo stands (steps) with its joint at 0 and at either end; ``min`` above ``max`` turns it round."""
+
+    init: int = key(low=0, high=4095, help="Where the servo stands with the joint at 0.")
+    min: int = key(low=0, high=4095, help="Where it stands with the joint at its lowest angle.")
+    max: int = key(low=0, high=4095, help="Where it stands with the joint at its highest angle.")
+
+
+@keys
+class JointKeys:
+    """One Dynamixel servo as a joint."""
+
+    id: int = key(low=0, high=253, help="The ID of the servo on the bus.")
+    written_model: str = key(
+        default="AX-12A", among=[*DYNAMIXEL, *ALIASES], word="model", hint=UNDRIVEN, help="The model of the servo."
+    )
+    written_zero: float | None = key(
+        "angle", default=None, word="zero", help="Where the joint's 0 lies, from the middle of the servo."
+    )
+    turned: bool | None = key(default=None, word="reverse", help="Whether the servo is mounted the other way round.")
+    limits: tuple[float, float] | None = key(
+        "angle",
+        default=None,
+        help="How far the joint turns: [lowest, highest]; else what its servo can, up to 149 deg.",
+    )
+    speed: float = key("turn rate", default=2.0, low=0.02, help="Its highest turn rate.")
+    torque: float = key("share", default=1.0, low=0.01, high=1.0, help="The share of its stall torque that it may use.")
+    ticks: Ticks | None = key(default=None, help="The same as `zero`, `limits` and `reverse`, in steps of the servo.")
+
+    @property
+    def model(self) -> str:
+        """The model of the servo, as the driver calls it."""
+        return ALIASES.get(self.written_model, self.written_model)
+
+    @property
+    def kind(self) -> Model:
+        """What is known of that model."""
+        return MODELS[self.model]
+
+    @property
+    def reverse(self) -> bool:
+        """Whether the servo is mounted the other way round."""
+        return bool(self.turned) if self.ticks is None else self.ticks.min > self.ticks.max
+
+    @property
+    def zero(self) -> float:
+        """Where the joint's 0 lies from the servo's centre, in radians."""
+        return self.written_zero or 0.0 if self.ticks is None else self.kind.angle(self.ticks.init)
+
+    @property
+    def lower(self) -> float:
+        """The lowest angle, in radians."""
+        return self.ends[0]
+
+    @property
+    def upper(self) -> float:
+        """The highest angle, in radians."""
+        return self.ends[1]
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The lowest and the highest angle, in radians: as written, else what the servo can reach."""
+        ticks = self.ticks
+        if ticks is not None:
+            step = -self.kind.tick if self.reverse else self.kind.tick
+            return (ticks.min - ticks.init) * step, (ticks.max - ticks.init) * step
+        if self.limits is not None:
+            return self.limits
+        least, most = self.reach
+        return max(least, -REACH), min(most, REACH)
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """What the servo can reach from that zero, in radians."""
+        way = -1 if self.reverse else 1
+        least, most = sorted((self.kind.angle(end) - self.zero) * way for end in (0, self.kind.last))
+        return least, most
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield what the servo cannot do."""
+        last = last_id(self.kind)
+        if self.id > last:
+            yield Mistake(f"'id' must be at most {last}", ("id",))
+        if self.ticks is not None:
+            yield from self._ticks_mistakes(self.ticks)
+            return
+        lower, upper = self.ends
+        least, most = self.reach
+        slack = self.kind.tick / 2
+        if not least - slack <= lower < upper <= most + slack:
+            ends = f"{degrees(least):.1f} deg to {degrees(most):.1f} deg"
+            asked = f"{_degrees(lower)} to {_degrees(upper)}"
+            message = f"'limits': from that zero, an {self.model} reaches from {ends}, not {asked}"
+            yield Mistake(message, ("limits",), ("zero",))
+
+    def _ticks_mistakes(self, ticks: Ticks) -> Iterator[Mistake]:
+        for word, said in (("zero", self.written_zero), ("limits", self.limits), ("reverse", self.turned)):
+            if said is not None:
+                message = f"'{word}' is what 'ticks' says already"
+                yield Mistake(message, (word,), hint="give 'ticks', or zero, limits and reverse")
+        beyond = {word: step for word in ("init", "min", "max") if (step := getattr(ticks, word)) > self.kind.last}
+        for word in beyond:
+            yield Mistake(f"'{word}' must be at most {self.kind.last}", ("ticks", word))
+        if ticks.min == ticks.max and not beyond:
+            yield Mistake(f"'ticks': 'min' and 'max' are both {ticks.min}", ("ticks",))
+
+
+def last_id(model: Model) -> int:
+    """Return the highest ID that a servo can have."""
+    return 252 if model.protocol == 2 else 253
+
+
+@keys
+class DynamixelKeys(ArmKeys, Wired):
+    """The ``arm`` section of a robot with Dynamixel servos on one bus."""
+
+    baud: int = key(default=1_000_000, low=1, help="The rate of the bus, in bits per second.")
+    framing: Framing = key(
+        default="own", help="Who makes packets of bytes: this project, or `sdk`, the vendor's own code, to compare."
+    )
+    at_end: Literal["hold", "relax"] = key(default="hold", help="At its end it stays stiff, or goes limp.")
+    joints: Mapping[str, JointKeys] = key(help="The servos, each under the name of its joint.", each="joint")
+    rate: float = key(
+        "frequency",
+        default=100.0,
+        low=5.0,
+        high=500.0,
+        help="How often those servos are read that lead or follow, and others at most.",
+    )
+    away: Away = key(default=Away(), help="What it does when it is back after it was unplugged, or silent.")
+
+    @property
+    def limits(self) -> Mapping[str, JointLimits]:
+        """How far and fast each joint goes, by its name."""
+        return {name: JointLimits(joint.lower, joint.upper, joint.speed) for name, joint in self.servos.items()}
+
+    @property
+    def servos(self) -> Mapping[str, JointKeys]:
+        """The joints as they are driven."""
+        return self.joints
+
+    @property
+    def offsets(self) -> Mapping[str, int]:
+        """The position offset (steps) that the servos of joints must have, where that is known."""
+        return {}
+
+    def step(self, joint: str) -> float:
+        """Return the angle (rad) of one step of a joint's servo."""
+        return self.joints[joint].kind.tick
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield IDs that stand twice, and what ArmKeys finds."""
+        owners: dict[int, str] = {}
+        for name, joint in self.joints.items():
+            owner = owners.setdefault(joint.id, name)
+            if owner != name:
+                message = f"joint '{name}' has id {joint.id}, as '{owner}' has"
+                about = (("joints", name, "id"), ("joints", owner, "id"))
+                yield Mistake(message, ("joints", name), named=True, about=about)
+        yield from second_servos(self.joints)
+        if len({joint.kind.protocol for joint in self.joints.values()}) > 1:
+            for name, joint in self.joints.items():
+                if joint.id == 253:  # it would take every packet of 2.0 for one to itself
+                    message = f"joint '{name}' cannot have id 253 beside servos of protocol 2.0"
+                    yield Mistake(message, ("joints", name), named=True, about=(("joints",),))
+        yield from ArmKeys.mistakes(self)
+
+
+@keys
+class NeckJointKeys(AxisKeys):
+    """An axis of the head that is a joint of the arm; the joint says how it is mounted."""
+
+    joint: str = key(help="The joint of the arm.")
+    limits: tuple[float, float] = key(
+        "angle", default=(-pi, pi), help="How far the head turns by it: [lowest, highest]."
+    )
+
+
+@keys
+class NeckKeys(HeadKeys):
+    """The ``head`` section of a robot whose head is two joints on the arm's bus."""
+
+    pan: NeckJointKeys = key(help="The joint that turns the head left and right.")
+    tilt: NeckJointKeys = key(help="The joint that turns the head up and down.")
+
+    @property
+    def joints_led(self) -> tuple[str, ...]:
+        """See HeadKeys."""
+        return self.pan.joint, self.tilt.joint
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield two axes that are one joint."""
+        if self.pan.joint == self.tilt.joint:
+            about = (("pan", "joint"), ("tilt", "joint"))
+            yield Mistake(f"'pan' and 'tilt' are both joint '{self.pan.joint}'", about=about)
+
+
+def joints_of_arm(neck: NeckKeys, others: Mapping[str, object]) -> Iterator[Mistake]:
+    """Yield axes of a head that are no joints of the arm, or that turn where those do not."""
+    arm = others.get("arm")
+    limits = arm.limits if isinstance(arm, ArmKeys) else {}
+    for axis, its in (("pan", neck.pan), ("tilt", neck.tilt)):
+        if not isinstance(arm, ArmKeys):
+            message = "a head of Dynamixel servos is two joints of the arm: this robot has no arm"
+            yield Mistake(message, (axis,), about=((axis, "joint"),))
+        elif its.joint not in limits:
+            message, at = f"'joint' cannot be '{its.joint}'", (axis, "joint")
+            yield Mistake(message, at, seen=its.joint, known=limits, about=(at,))
+        else:
+            joint = limits[its.joint]
+            reach = (joint.lower - its.trim, joint.upper - its.trim)
+            yield from its.beyond(reach, f"joint '{its.joint}'", (axis,))
+
+
+def _degrees(angle: float) -> str:
+    return f"{round(degrees(angle), 4) + 0.0:g} deg"
+
+
+ARM = Driver(
+    "dynamixel",
+    "arm",
+    "Dynamixel servos on one bus.",
+    DynamixelKeys,
+    make="drivers.servos.make:arm",
+    twin="drivers.sim.twins.making:arm",
+    virtual="drivers.virtual.making:servos",
+    probe="drivers.servos.probe:probe",
+    checkup="drivers.servos.checkup:checkup",
+    usb=(
+        "0403:6001",
+        "0403:6014",
+        "0403:6015",
+        "0483:5740",
+        "16d0:06a7",
+        "1a86:55d3",
+        "1a86:7523",
+        "2f5d:2202",
+        "fff1:ff48",
+    ),
+)
+
+NECK = Driver(
+    "dynamixel",
+    "head",
+    "Two Dynamixel servos that are joints of the arm.",
+    NeckKeys,
+    make="drivers.servos.make:neck",
+    twin="drivers.sim.twins.making:neck",
+    virtual="drivers.virtual.making:neck",
+    needs=("arm",),
+    check=joints_of_arm,
+)

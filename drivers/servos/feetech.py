@@ -1,0 +1,97 @@
+"""Feetech STS servos as the driver of an arm, and its keys in a robot file."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Literal
+
+from drivers.api.driver import Driver
+from drivers.api.keys import Mistake, key, keys
+from drivers.errors import BadRequest
+from drivers.servos.calibration import MotorCalibration, load
+from drivers.servos.declared import UNDRIVEN, DynamixelKeys, JointKeys
+from drivers.servos.models import MODELS
+
+STS = tuple(name for name, model in MODELS.items() if model.protocol == "STS")
+"""The models that it drives."""
+
+
+@keys
+class FeetechJointKeys(JointKeys):
+    """One Feetech servo as a joint."""
+
+    written_model: str = key(default="STS3215", among=STS, word="model", hint=UNDRIVEN, help="The model of the servo.")
+    zero_at: Literal["middle", "lowest", "highest"] = key(
+        default="middle", help="Where in the range of the calibration file the joint's 0 lies, unless `zero` says it."
+    )
+
+    def calibrated(self, found: MotorCalibration) -> "FeetechJointKeys":
+        """Return the joint with what a calibration file says of it, where the robot file says nothing."""
+        if self.ticks is not None:
+            return self
+        model, turned = self.kind, bool(found.drive_mode) if self.turned is None else self.turned
+        ends = [model.angle(end) for end in (found.range_min, found.range_max)]
+        lowest, highest = reversed(ends) if turned else ends
+        zero = {"middle": sum(ends) / 2, "lowest": lowest, "highest": highest}[self.zero_at]
+        zero = zero if self.written_zero is None else self.written_zero
+        lower, upper = sorted((end - zero) * (-1 if turned else 1) for end in ends)
+        return replace(self, turned=turned, written_zero=zero, limits=self.limits or (lower, upper))
+
+
+@keys
+class FeetechKeys(DynamixelKeys):
+    """The ``arm`` section of a robot with Feetech servos on one bus."""
+
+    joints: Mapping[str, FeetechJointKeys] = key(help="The servos, each under the name of its joint.", each="joint")
+    calibration: str = key(
+        default="",
+        help="A calibration file of LeRobot's, by the names of the joints: where their 0 lies and how far they go.",
+    )
+
+    @property
+    def calibrations(self) -> Mapping[str, MotorCalibration]:
+        """What the calibration file says of the joints; nothing without one. Raises BadRequest for a wrong one."""
+        return load(self.calibration) if self.calibration else {}
+
+    @property
+    def servos(self) -> Mapping[str, FeetechJointKeys]:
+        """The joints as they are driven."""
+        found = self.calibrations
+        return {name: each.calibrated(found[name]) if name in found else each for name, each in self.joints.items()}
+
+    @property
+    def offsets(self) -> Mapping[str, int]:
+        """The position offset that the servos of joints must have, as far as a calibration file says so."""
+        return {name: each.homing_offset for name, each in self.calibrations.items() if name in self.joints}
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield what is wrong with the calibration file; else what DynamixelKeys finds, and joints beyond it."""
+        at = ("calibration",)
+        try:
+            found = self.calibrations
+        except BadRequest as error:
+            yield Mistake(str(error), at, hint=error.hint)
+            return
+        for name, joint in self.joints.items():
+            if found and name not in found:
+                yield Mistake(f"calibration {self.calibration} has no motor '{name}'", at, seen=name, known=found)
+            elif found and found[name].id != joint.id:
+                told = f"calibration {self.calibration}: motor '{name}': 'id' is {found[name].id}"
+                yield Mistake(f"{told}, and joint '{name}' has {joint.id}", ("joints", name), named=True)
+        yield from DynamixelKeys.mistakes(self)
+        for name, joint in self.servos.items():
+            if name in found:
+                yield from (replace(each, at=("joints", name, *each.at)) for each in joint.mistakes())
+
+
+ARM = Driver(
+    "feetech",
+    "arm",
+    "Feetech STS servos on one bus, as in the SO-100 and SO-101.",
+    FeetechKeys,
+    make="drivers.servos.make:arm",
+    twin="drivers.sim.twins.making:arm",
+    virtual="drivers.virtual.making:servos",
+    probe="drivers.servos.feetech_probe:probe",
+    checkup="drivers.servos.checkup:checkup",
+    usb=("1a86:55d3", "1a86:7523"),
+)

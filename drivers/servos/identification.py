@@ -1,0 +1,271 @@
+"""Proof that exactly one servo answers at an ID, before anything is written there. Only reads.
+
+No protocol tells two servos with one ID apart, so the proof looks for every trace that a second one leaves:
+
+- a second reply after the one that was requested;
+- replies that damage each other on the wire;
+- a register that holds two values in turn: a setting, the position (faster than any motor turns), the temperature, or
+  the servo's own clock.
+
+Two servos whose tables are equal, and whose replies leave at the same moment, leave none of these. Whoever changes an
+ID has to be asked whether the others are unplugged.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import inf
+
+from drivers.errors import BadRequest, DeviceFault, NoReply
+from drivers.servos.bus import At, Bus, Identity
+from drivers.servos.channel import SECOND_REPLY_DELAY
+from drivers.servos.models import Model, model_of
+
+LOOKS = 10
+"""Reads of the whole table: of two servos that reply by turns, one alone is seen in 1 of 512 proofs."""
+
+LISTENS = 3
+"""Reads after which a second reply is waited for."""
+
+MIN_DOUBLES = 2
+"""Surplus replies that prove a second servo: a single one may be a reply that was late."""
+
+MIN_DAMAGED, DAMAGED_SHARE = 3, 0.2
+"""Damaged replies, and their share of all, from which on the line is not good enough for a write."""
+
+DRIVER_LOOKS, DRIVER_GLANCES, DRIVER_DAMAGED_SHARE = 2, 8, 0.8
+"""Reads of the whole table, and of its readings alone, that a driver takes; and the share of damage that it bears."""
+
+DOUBTED_GLANCES = 30
+"""The same of readings, for a servo that was seen to share its ID: it is looked at again every second."""
+
+MIN_JUMPS = 2
+"""Jumps of a reading that prove a second servo: there, and back."""
+
+FRONT = 8
+"""The address from which tables are read: the bytes before it leave room for a read that is repeated, and grows."""
+
+HAND = 3.0
+"""How many times faster than its motor a person turns a servo at most."""
+
+POSITION_NOISE, TEMPERATURE_NOISE, TICK_SLACK = 8, 1, 20.0
+"""Steps, degrees and milliseconds by which two readings of one servo differ at rest."""
+
+
+def require_sole(bus: Bus, at: At, number: int | None = None, *, looks: int = LOOKS) -> Identity:
+    """Return what the one servo at ``at`` is, once it is certain that it is the only one, and of a known model.
+
+    ``number`` is the model number that it must have. Raises DeviceFault, with the evidence, for a second servo, a line
+    that damages replies, another or an unknown model; NoReply, NotConnected, BadRequest.
+    """
+    proof = _Proof(bus, at)
+    identity = proof.identify()
+    known = model_of(identity.number)
+    if known is None:
+        raise DeviceFault(f"{bus.name}: servo {at.id}: model number {identity.number} is not known here", hint=SCAN)
+    if known.protocol != at.protocol or number not in (None, identity.number):
+        wanted = "" if number is None else f", not {number}"
+        raise DeviceFault(f"{bus.name}: servo {at.id} is model {identity.number} ({known.name}){wanted}", hint=SCAN)
+    if (held := bus.read(at, known.table["id"])) != at.id:
+        raise DeviceFault(
+            f"{bus.name}: servo {at.id} says that it is model {identity.number}, and its table is not that of an "
+            f"{known.name}: its ID reads {held} there",
+            hint=SCAN,
+        )
+    proof.look(known, looks)
+    if proof.doubtful:
+        proof.look(known, max(looks, LOOKS))
+    proof.judge()
+    return identity
+
+
+def twin_evidence(bus: Bus, at: At, model: Model, *, glances: int = DRIVER_GLANCES) -> str:
+    """Return what shows that a servo of ``model`` shares its ID with another; empty for one that seems to be alone.
+
+    Reads the whole table ``DRIVER_LOOKS`` times, and its readings ``glances`` times. Bears more damage than
+    ``require_sole``: for drivers, which write no EEPROM. Raises NotConnected.
+    """
+    proof = _Proof(bus, at)
+    proof.look(model, DRIVER_LOOKS, extra=0.0)
+    proof.look(model, glances, start=model.table["present_position"].address, extra=0.0)
+    if proof.doubtful:
+        proof.look(model, LOOKS)
+    return "; ".join(proof.evidence(DRIVER_DAMAGED_SHARE))
+
+
+def ping_evidence(bus: Bus, at: At) -> str:
+    """Return what shows, by pings alone, that servos share an ID; empty otherwise. Raises NotConnected."""
+    proof = _Proof(bus, at)
+    for _ in range(LOOKS):
+        bus.answers_ping(at, tries=1)
+        bus.listen(at.protocol, 3)
+    return "; ".join(proof.evidence())
+
+
+UNPLUG = (
+    "unplug all servos with ID {0} but one, and give it another ID: mission servo set-id {0} NEW; then plug in the "
+    "next; if it was alone, try another cable"
+)
+"""What helps against two servos with one ID."""
+
+SCAN = "mission servo scan  (with the same --robot FILE or --port PORT) shows what answers"
+
+
+def pings_alone(at: At, options: str = " --port PORT") -> DeviceFault:
+    """Return the error for a servo that answers a ping and nothing else; ``options`` name its bus in a command."""
+    return DeviceFault(
+        f"servo {at.id} answers a ping, and no read: its status return level is 0",
+        hint=f"mission servo set {at.id} status_return_level 2{options}",
+    )
+
+
+@dataclass(slots=True)
+class _Readings:
+    """The replies of one servo, compared with each other."""
+
+    model: Model
+    first: tuple[int, bytes] | None = None  # its address, and the bytes
+    last: tuple[float, int, int] | None = None  # when (s), the position (steps), the temperature (degC)
+    moves: int = 0
+    heats: int = 0
+    conflicts: dict[str, tuple[int, int]] = field(default_factory=dict)
+    ticks: set[int] = field(default_factory=set)
+    earliest: float = -inf
+    latest: float = inf
+
+    def add(self, start: int, data: bytes, sent: float, now: float) -> None:
+        """Compare one copy of the table from ``start`` on with those before.
+
+        It was requested at ``sent`` and complete at ``now`` (s).
+        """
+        self.first = begin, before = self.first or (start, data)
+        for register in self.model.table.registers.values():
+            if (register.eeprom or register.writable) and register.address >= max(begin, start):
+                values = register.decode(before, begin), register.decode(data, start)
+                if values[0] != values[1]:
+                    self.conflicts[register.name] = values
+        self._follow(start, data, now)
+        self._tick(start, data, sent, now)
+
+    def _follow(self, start: int, data: bytes, now: float) -> None:
+        """Count the changes of position and temperature that no servo makes."""
+        table = self.model.table
+        place, heat = (table[name].decode(data, start) for name in ("present_position", "present_temperature"))
+        if self.last is not None:
+            before, stood, warmth = self.last
+            turn = self.model.last + 1
+            way = abs(place - stood) % turn
+            reach = HAND * self.model.free_speed * (now - before) / self.model.tick + POSITION_NOISE
+            self.moves += min(way, turn - way) > reach
+            self.heats += abs(heat - warmth) > TEMPERATURE_NOISE
+        self.last = now, place, heat
+
+    def _tick(self, start: int, data: bytes, sent: float, now: float) -> None:
+        """Narrow down when the servo's clock was 0, in milliseconds; it begins anew after 32 768."""
+        clock = self.model.table.registers.get("realtime_tick")
+        if clock is None or clock.address < start:
+            return
+        tick = clock.decode(data, start)
+        self.ticks.add(tick)
+        early, late = tick - now * 1000, tick - sent * 1000
+        if self.earliest > -inf:
+            turns = round(((self.earliest + self.latest) / 2 - (early + late) / 2) / 32_768) * 32_768
+            early, late = early + turns, late + turns
+        self.earliest, self.latest = max(self.earliest, early), min(self.latest, late)
+
+    def evidence(self) -> Iterator[str]:
+        """Yield which registers hold what no single servo holds."""
+        for name, (before, after) in self.conflicts.items():
+            yield f"{name} reads {before} and {after}"
+        if self.moves >= MIN_JUMPS:
+            yield f"its position jumps ({self.moves} times)"
+        if self.heats >= MIN_JUMPS:
+            yield f"its temperature jumps ({self.heats} times)"
+        if len(self.ticks) > 1 and self.earliest > self.latest + TICK_SLACK:
+            yield "its clock runs back and forth"
+
+
+class _Proof:
+    """The traces of a second servo at ``at``, gathered over several looks."""
+
+    def __init__(self, bus: Bus, at: At) -> None:
+        self._bus = bus
+        self._at = at
+        tally = bus.tally(at.id)
+        self._before = tally.corrupt, tally.doubles
+        self._looks = self._missed = self._refused = 0
+        self._noisy = 0  # replies of which not even the beginning could be recognised
+        self._readings: _Readings | None = None
+
+    def identify(self) -> Identity:
+        """Return what the servo says that it is. Raises as ``require_sole``."""
+        noise = self._bus.noise()
+        try:
+            return self._bus.identify(self._at)
+        except NoReply:
+            self._noisy += self._bus.noise() > noise
+            if self._doubles or self._damaged:
+                self.judge()
+            raise
+
+    def look(self, model: Model, looks: int, *, start: int = FRONT + 2, extra: float = SECOND_REPLY_DELAY) -> None:
+        """Read the table from ``start`` on so many times; each time from elsewhere, so that the checksums differ.
+
+        ``extra`` is how much later (s) than one servo may reply a second one is listened for.
+        """
+        bus, at = self._bus, self._at
+        self._readings = self._readings or _Readings(model)
+        for look in range(looks):
+            begin = start - look % 3
+            size, sent, noise, corrupt = model.table.size - begin, bus.now(), bus.noise(), bus.tally(at.id).corrupt
+            self._looks += 1
+            try:
+                self._readings.add(begin, bus.read_block(at, begin, size, tries=1), sent, bus.now())
+            except BadRequest:
+                self._missed += 1
+                self._refused += 1
+            except NoReply:
+                self._missed += 1
+                self._noisy += bus.noise() > noise and bus.tally(at.id).corrupt == corrupt
+            if look < LISTENS:
+                bus.listen(at.protocol, size, extra)
+
+    @property
+    def _damaged(self) -> int:
+        return self._bus.tally(self._at.id).corrupt - self._before[0] + self._noisy
+
+    @property
+    def _doubles(self) -> int:
+        return self._bus.tally(self._at.id).doubles - self._before[1]
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether something was odd, of which more looks tell what it was."""
+        readings = self._readings
+        odd = readings is not None and (readings.moves or readings.heats)
+        return bool(self._doubles or self._damaged or self._missed or odd)
+
+    def evidence(self, damaged_share: float = DAMAGED_SHARE) -> list[str]:
+        """Return the traces of a second servo, or of a line that is as bad."""
+        found = [] if self._readings is None else list(self._readings.evidence())
+        if self._refused >= MIN_JUMPS and self._refused < self._looks:
+            found.append(f"refuses {self._refused} of {self._looks} equal reads")
+        if self._doubles >= MIN_DOUBLES or (self._doubles and not self._looks):
+            found.append(f"{self._doubles} replies more than requested")
+        if self._damaged >= max(MIN_DAMAGED if self._looks else 1, damaged_share * self._looks):
+            found.append(f"{self._damaged} damaged replies")
+        return found
+
+    def judge(self) -> None:
+        """Raise DeviceFault for the traces of a second servo; NoReply for one that hardly answers."""
+        bus, at = self._bus, self._at
+        if evidence := self.evidence():
+            raise DeviceFault(
+                f"{bus.name}: two servos with ID {at.id} on {bus.port}, or a bad cable: {'; '.join(evidence)}",
+                hint=UNPLUG.format(at.id),
+            )
+        if self._missed > self._looks / 3:
+            raise NoReply(
+                f"{bus.name}: servo {at.id} answers {self._looks - self._missed} of {self._looks} reads alone on "
+                f"{bus.port} at {bus.baud} baud: too few to write to it",
+                hint="look at its cable and its power",
+            )

@@ -1,0 +1,77 @@
+"""From the keys of a robot file to the drivers of Dynamixel servos: an arm, or a head that is two joints of one."""
+
+from typing import TYPE_CHECKING
+
+from drivers.api import Head, Joints
+from drivers.api.driver import Site
+from drivers.servos.bus import Bus
+from drivers.servos.declared import DynamixelKeys, JointKeys, NeckJointKeys, NeckKeys
+from drivers.servos.driver import DynamixelJoints
+from drivers.servos.joint import JointSpec
+
+if TYPE_CHECKING:
+    from drivers.head.joints_head import JointAxis
+
+REPLY_TIMEOUT = 0.005
+"""Seconds that a servo's reply may be late, beside its time on the wire."""
+
+VIRTUAL_REPLY_TIMEOUT = 0.1
+"""The same for virtual servos, which share one interpreter with perception and the renderer."""
+
+
+def arm(keys: DynamixelKeys, site: Site) -> DynamixelJoints:
+    """Return the driver of the arm's servos."""
+    patience = VIRTUAL_REPLY_TIMEOUT if site.virtual else REPLY_TIMEOUT
+    return DynamixelJoints(
+        Bus(site.port, site.clock, baud=keys.baud, name=site.part, patience=patience, framing=keys.framing),
+        joints(keys),
+        site.clock,
+        rate=keys.rate,
+        at_rest=keys.at_end,
+        away=keys.away,
+        report=site.report,
+        name=site.part,
+    )
+
+
+def neck(keys: NeckKeys, site: Site) -> Head:
+    """Return the driver of a head that is two of the arm's joints; the arm is opened and closed besides."""
+    from drivers.head.joints_head import NeckDriver  # noqa: PLC0415 - few heads are joints of an arm
+
+    led: Joints = site.parts["arm"]
+    return NeckDriver(
+        led,
+        site.clock,
+        pan=axis(keys.pan),
+        tilt=axis(keys.tilt),
+        speed=keys.speed,
+        acceleration=keys.acceleration,
+        report=site.report,
+        name=site.part,
+    )
+
+
+def joints(keys: DynamixelKeys) -> dict[str, JointSpec]:
+    """Return the joints of the arm, by name."""
+    return {name: _joint(joint, keys.offsets.get(name)) for name, joint in keys.servos.items()}
+
+
+def axis(keys: NeckJointKeys) -> "JointAxis":
+    """Return one joint of a neck."""
+    from drivers.head.joints_head import JointAxis  # noqa: PLC0415 - as above
+
+    return JointAxis(keys.joint, keys.lower, keys.upper, trim=keys.trim)
+
+
+def _joint(keys: JointKeys, offset: int | None) -> JointSpec:
+    return JointSpec(
+        keys.id,
+        model=keys.model,
+        zero=keys.zero,
+        direction=-1 if keys.reverse else 1,
+        lower=keys.lower,
+        upper=keys.upper,
+        speed=keys.speed,
+        torque_limit=keys.torque,
+        offset=offset,
+    )

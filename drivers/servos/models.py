@@ -1,0 +1,335 @@
+"""Dynamixel and Feetech models as data: the control table of each, and what a tick is worth in SI units.
+
+A model is one row at the end of this file. Positive is anticlockwise, seen facing the horn, where the maker says so.
+Source: ROBOTIS e-Manual, Feetech's data sheets.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import cache
+from math import radians
+from types import MappingProxyType
+from typing import Literal
+
+from drivers.api.quick import dataclass
+from drivers.servos.names_sts import NAMES, SCS_NAMES
+from drivers.servos.register import Register, Table
+from drivers.servos.tables import (
+    TABLE_AX,
+    TABLE_EX,
+    TABLE_MX,
+    TABLE_MX2,
+    TABLE_MX2_64,
+    TABLE_MX2_106,
+    TABLE_MX_CURRENT,
+    TABLE_MX_PAIR,
+    TABLE_X,
+    TABLE_X540,
+    TABLE_X_CURRENT,
+)
+from drivers.servos.tables_small import TABLE_XC330_M, TABLE_XC330_T, TABLE_XL320, TABLE_XL330
+from drivers.servos.tables_sts import TABLE_SCS, TABLE_STS
+from drivers.servos.units import RPM, Protocol
+
+Reads = Literal["single", "bulk", "sync"]
+"""How the state of several servos is read best: one by one, by one bulk read, or by one sync read."""
+
+Wiring = Literal["TTL", "RS-485", "either"]
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """One kind of servo.
+
+    ``tick`` is the angle of one position step and ``speed_unit`` (rad/s) of one speed step; ``centre`` is the tick of
+    angle zero, ``last`` the highest one. ``full`` is all its torque and ``fastest`` its highest speed, in steps of the
+    registers that limit them; ``effort_unit`` is one step of its load or current as a share of the stall torque.
+    ``free_speed`` is what the unloaded motor reaches (rad/s), ``stall_torque`` what it stops at (Nm), at nominal
+    voltage, which is ``volts``. ``defaults`` holds those defaults of ``table`` in which this model differs, by name.
+    One that is not ``driven`` is recognised, and its registers are read and set; of its motor nothing is known here.
+    """
+
+    name: str
+    number: int
+    protocol: Protocol
+    table: Table
+    reads: Reads
+    tick: float
+    centre: int
+    last: int
+    speed_unit: float
+    free_speed: float
+    stall_torque: float
+    full: int
+    fastest: int
+    effort_unit: float
+    bus: Wiring
+    volts: float
+    defaults: Mapping[str, int]
+    driven: bool = True
+
+    @property
+    def top_speed(self) -> float:
+        """The highest speed that it can be told, in rad/s."""
+        return self.fastest * self.speed_unit
+
+    @property
+    def advice(self) -> str:
+        """What to do where a robot file says another model than this one, which has answered."""
+        return f"write model: {self.name}" if self.driven else f"take another servo: an {self.name} is not driven here"
+
+    def default(self, register: Register) -> int:
+        """Return what ``register`` holds as delivered."""
+        return self.defaults.get(register.name, register.default)
+
+    def angle(self, ticks: float) -> float:
+        """Return the angle in radians from the centre."""
+        return (ticks - self.centre) * self.tick
+
+    def ticks(self, angle: float) -> int:
+        """Return the nearest position step to ``angle`` (radians from the centre), within the servo's range."""
+        return min(max(round(angle / self.tick) + self.centre, 0), self.last)
+
+    def speed(self, raw: int) -> float:
+        """Return a present speed in rad/s."""
+        return raw * self.speed_unit
+
+    def speed_ticks(self, speed: float) -> int:
+        """Return ``speed`` (rad/s) as a step: at least 1, since 0 would mean as fast as it can."""
+        return min(max(round(speed / self.speed_unit), 1), self.fastest)
+
+    def load(self, raw: int) -> float:
+        """Return a present load or current as a share of the stall torque, positive anticlockwise."""
+        return raw * self.effort_unit
+
+    def torque_ticks(self, share: float) -> int:
+        """Return a share of the stall torque as a limit: at least 1, since 0 looks like a shutdown."""
+        return min(max(round(share * self.full), 1), self.full)
+
+    def order(self, goal: int, speed: int) -> tuple[int, bytes]:
+        """Return the one write that sends it to ``goal`` (ticks) at ``speed`` (steps): its address, and its bytes."""
+        place, pace = self.table[self.table.goal], self.table[self.table.speed]
+        if place.address < pace.address:  # what lies between is 0: the time that a goal may take, which no speed needs
+            return place.address, place.encode(goal).ljust(pace.address - place.address, b"\0") + pace.encode(speed)
+        return pace.address, pace.encode(speed) + place.encode(goal)
+
+
+def model_of(number: int) -> Model | None:
+    """Return the model that answers with ``number``, driven or not; None for an unknown one."""
+    return _by_number().get(number)
+
+
+@dataclass(frozen=True, slots=True)
+class _Family:
+    """What servos of one kind share: ``degrees`` cut into ``ticks``, and speeds in steps of ``rpm``."""
+
+    protocol: Protocol
+    reads: Reads
+    degrees: float
+    ticks: int
+    rpm: float
+    load_unit: float  # a share of the stall torque
+
+
+_AX = _Family(1, "single", 300, 1024, 0.111, 1 / 1023)  # and RX
+_EX = _Family(1, "single", 250.92, 4096, 0.111, 1 / 1023)
+_MX = _Family(1, "bulk", 360, 4096, 0.114, 1 / 1023)
+_X = _Family(2, "sync", 360, 4096, 0.229, 1 / 1000)  # and MX with the firmware of protocol 2.0
+_XL320 = _Family(2, "single", 300, 1024, 0.111, 1 / 1023)
+_STS = _Family("STS", "sync", 360, 4096, 60 / 4096, 1 / 1000)
+_SCS = _Family("STS", "single", 300, 1024, 60 / 1024, 1 / 1000)  # frames of the STS, without the sync read
+
+
+def _model(
+    family: _Family,
+    name: str,
+    number: int,
+    table: Table,
+    bus: Wiring,
+    stall_torque: float,
+    free_rpm: float,
+    defaults: Mapping[str, int],
+    current: tuple[float, float] | None = None,
+    volts: float = 12.0,
+) -> Model:
+    """Make one row: the torque in Nm, the speed in turns a minute, and defaults by the names of their registers.
+
+    ``current`` is for a servo that reports its current instead of a load: one step of it, and the stall current (A).
+    """
+    delivered = {"model_number": number, **defaults}
+    return Model(
+        name=name,
+        number=number,
+        protocol=family.protocol,
+        table=table,
+        reads=family.reads,
+        tick=radians(family.degrees) / family.ticks,
+        centre=family.ticks // 2,
+        last=family.ticks - 1,
+        speed_unit=family.rpm * RPM,
+        free_speed=free_rpm * RPM,
+        stall_torque=stall_torque,
+        full=table[table.torque_ceiling].upper,
+        fastest=delivered.get("velocity_limit", table[table.speed].upper),
+        effort_unit=current[0] / current[1] if current else family.load_unit,
+        bus=bus,
+        volts=volts,
+        defaults=MappingProxyType(delivered),
+    )
+
+
+_WHEEL = {"cw_compliance_margin": 4, "ccw_compliance_margin": 4, "cw_compliance_slope": 64, "ccw_compliance_slope": 64}
+_WEAKER = {"max_torque": 983, "torque_limit": 983}
+_RX = {"baud": 34, "highest_voltage": 190}
+_XL = {"temperature_limit": 72, "highest_voltage": 140, "lowest_voltage": 60, "velocity_limit": 265} | {
+    "velocity_i_gain": 1000,
+    "position_d_gain": 4000,
+    "position_p_gain": 640,
+}
+_XM = {"position_p_gain": 800}
+_FAST_XL330 = {"velocity_limit": 1620, "velocity_i_gain": 400, "velocity_p_gain": 40, "position_i_gain": 400}
+_AMPS = (0.00269, 2.3)  # of the XM430: one step of its current, and its stall current
+_AMPS_540 = (0.00269, 4.4)
+_SMALL = (0.001, 1.47)  # of the XL330 at 5 V
+_SMALL_M = (0.001, 1.8)  # of the XC330-M at 5 V
+_SMALL_T = (0.001, 0.88)  # of the XC330-T at 12 V
+_XC = {"moving_threshold": 20, "lowest_voltage": 60, "position_p_gain": 460}
+_XC_M = {"position_d_gain": 500, "velocity_i_gain": 1600}
+_XC_M181 = {**_XC_M, "velocity_limit": 545, "velocity_i_gain": 1400, "velocity_p_gain": 100, "position_p_gain": 1200}
+_XC_M288 = {**_XC_M, "velocity_limit": 350, "velocity_p_gain": 50, "position_p_gain": 1100}
+_XC_T = {"position_p_gain": 900, "velocity_i_gain": 1200, "velocity_p_gain": 40}
+
+MODELS: Mapping[str, Model] = MappingProxyType(
+    {
+        model.name: model
+        for model in (
+            # family, name, number, control table, wiring, Nm, rpm, what differs from the table's defaults, current
+            _model(_AX, "AX-12A", 12, TABLE_AX, "TTL", 1.5, 59, {"temperature_limit": 70}),
+            _model(_AX, "AX-12W", 300, TABLE_AX, "TTL", 0.2, 54, {"temperature_limit": 70, **_WHEEL}),
+            _model(_AX, "AX-18A", 18, TABLE_AX, "TTL", 1.8, 97, {"temperature_limit": 75, **_WEAKER}),
+            _model(_AX, "RX-24F", 24, TABLE_AX, "RS-485", 2.6, 126, _RX),
+            _model(_AX, "RX-28", 28, TABLE_AX, "RS-485", 3.7, 85, _RX),
+            _model(_AX, "RX-64", 64, TABLE_AX, "RS-485", 5.3, 64, _RX),
+            _model(_EX, "EX-106+", 107, TABLE_EX, "RS-485", 10.9, 91, {"baud": 34, "highest_voltage": 240}),
+            _model(_MX, "MX-28", 29, TABLE_MX, "either", 2.5, 55, {"highest_voltage": 160}),
+            _model(_MX, "MX-64", 310, TABLE_MX_CURRENT, "either", 6.0, 63, {"highest_voltage": 240}),
+            _model(_MX, "MX-106", 320, TABLE_MX_PAIR, "either", 8.4, 45, {"highest_voltage": 160}),
+            _model(_X, "MX-28(2.0)", 30, TABLE_MX2, "either", 2.5, 55, {"velocity_limit": 380}),
+            _model(_X, "MX-64(2.0)", 311, TABLE_MX2_64, "either", 6.0, 63, {"velocity_limit": 435}, (0.00336, 4.1)),
+            _model(_X, "MX-106(2.0)", 321, TABLE_MX2_106, "either", 8.4, 45, {"velocity_limit": 360}, (0.00336, 5.2)),
+            _model(_X, "XL430-W250", 1060, TABLE_X, "TTL", 1.5, 61, _XL),
+            _model(_X, "XM430-W210", 1030, TABLE_X_CURRENT, "either", 3.0, 77, {"velocity_limit": 330, **_XM}, _AMPS),
+            _model(_X, "XM430-W350", 1020, TABLE_X_CURRENT, "either", 4.1, 46, {"velocity_limit": 200, **_XM}, _AMPS),
+            _model(_X, "XL330-M077", 1190, TABLE_XL330, "TTL", 0.215, 383, _FAST_XL330, _SMALL, 5.0),
+            _model(_X, "XL330-M288", 1200, TABLE_XL330, "TTL", 0.52, 103, {"velocity_limit": 445}, _SMALL, 5.0),
+            _model(_X, "2XL430-W250", 1090, TABLE_X, "TTL", 1.5, 61, {**_XL, "velocity_limit": 250}),
+            _model(_X, "XC430-W150", 1070, TABLE_X, "TTL", 1.6, 106, {"velocity_limit": 460, **_XC}),
+            _model(_X, "XC430-W240", 1080, TABLE_X, "TTL", 1.9, 70, {"velocity_limit": 306, **_XC}),
+            _model(_X, "XM540-W150", 1130, TABLE_X540, "either", 7.3, 53, {"velocity_limit": 230, **_XM}, _AMPS_540),
+            _model(_X, "XM540-W270", 1120, TABLE_X540, "either", 10.6, 30, {"velocity_limit": 128, **_XM}, _AMPS_540),
+            _model(_X, "XC330-T181", 1210, TABLE_XC330_T, "TTL", 0.8, 113, {"velocity_limit": 510, **_XC_T}, _SMALL_T),
+            _model(_X, "XC330-T288", 1220, TABLE_XC330_T, "TTL", 1.0, 71, {"velocity_limit": 320, **_XC_T}, _SMALL_T),
+            _model(_X, "XC330-M181", 1230, TABLE_XC330_M, "TTL", 0.6, 129, _XC_M181, _SMALL_M, 5.0),
+            _model(_X, "XC330-M288", 1240, TABLE_XC330_M, "TTL", 0.93, 81, _XC_M288, _SMALL_M, 5.0),
+            # With other gears, which cannot be told apart: SO-101 leaders have three kinds.
+            _model(_STS, "STS3215", 777, TABLE_STS, "TTL", 1.91, 52, {}, volts=7.4),
+            _model(_STS, "STS3250", 2825, TABLE_STS, "TTL", 4.9, 75, {"highest_voltage": 140}),
+        )
+    }
+)
+"""The models that are driven, by name.
+
+AX-12 and AX-12+ answer with the number of the AX-12A and are the same to a program. MX come with either firmware, which
+answer with different numbers: ``MX-28`` and ``MX-28(2.0)`` are one servo.
+"""
+
+
+_OTHER_X = (
+    *((TABLE_X540, name, number) for name, number in {
+        "XH540-W150": 1110, "XH540-W270": 1100, "XH540-V150": 1150, "XH540-V270": 1140,
+        "XW540-T140": 1180, "XW540-T260": 1170, "XW540-H260": 1310, "XD540-T150": 1111, "XD540-T270": 1101,
+    }.items()),
+    *((TABLE_X_CURRENT, name, number) for name, number in {
+        "XH430-W210": 1010, "XH430-W350": 1000, "XH430-V210": 1050, "XH430-V350": 1040,
+        "XW430-T200": 1280, "XW430-T333": 1270, "XD430-T210": 1011, "XD430-T350": 1001,
+    }.items()),
+    (TABLE_X, "2XC430-W250", 1160),
+)  # fmt: skip
+
+
+def _others() -> Iterator[Model]:
+    """Yield the models that are recognised, but not driven."""
+    yield _named(_model(_XL320, "XL-320", 350, TABLE_XL320, "TTL", 0.39, 114, {}, volts=7.4), "XL-320", 350)
+    yield _named(MODELS["RX-28"], "RX-10", 10)
+    yield _named(MODELS["MX-28"], "MX-12W", 360)
+    yield _named(MODELS["XC330-T288"], "XC335-T332", 1700)
+    for table, name, number in _OTHER_X:
+        yield _named(_model(_X, name, number, table, "either", 1.0, 30, {}), name, number)
+    for number, name in NAMES.items():
+        if number not in (model.number for model in MODELS.values()):
+            yield _named(MODELS["STS3215"], name, number)
+    scs = _model(_SCS, "", 0, TABLE_SCS, "TTL", 0.23, 100, {}, volts=6.0)
+    yield from (_named(scs, name, number) for number, name in SCS_NAMES.items())
+
+
+def _named(base: Model, name: str, number: int) -> Model:
+    defaults = MappingProxyType({**base.defaults, "model_number": number})
+    return replace(base, name=name, number=number, defaults=defaults, driven=False)
+
+
+@cache
+def _by_number() -> Mapping[int, Model]:
+    return {model.number: model for model in (*_others(), *MODELS.values())}
+
+
+# What a servo is to mechanics: how stiff, how strong, how fast, by its control table and data sheet. SI units.
+
+BACKLASH = radians(0.25)
+"""Radians that a servo's output turns freely: 15 arc minutes, as ROBOTIS says of most of them."""
+
+INERTIA_SHARE = 0.011
+"""Inertia of a rotor behind its gears, in kg m2 for each Nm of stall torque: 0.045 of an XM430-W350 with 4.1 Nm."""
+
+FRICTION_SHARE = 0.0073
+"""Dry friction of the gears as a share of the stall torque: 0.03 Nm of the same servo."""
+
+
+@dataclass(frozen=True, slots=True)
+class Motor:
+    """A servo: a torque (Nm) that grows by ``stiffness`` with the error of its angle, up to ``torque``.
+
+    It falls by ``damping`` (Nm s) with its speed, so that the motor turns at ``torque / damping`` without a burden.
+    ``inertia`` (kg m2) is that of its rotor behind the gears, ``friction`` (Nm) is dry, ``backlash`` in radians.
+    """
+
+    stiffness: float
+    damping: float
+    torque: float
+    inertia: float
+    friction: float
+    backlash: float = BACKLASH
+
+
+def motor_of(model: Model, torque_limit: float = 1.0) -> Motor:
+    """Return what a model of servo is to physics, with the gain that it has as delivered.
+
+    AX, RX and EX give all their torque at an error of ``compliance_slope`` steps; MX and X by their proportional gain.
+    Rotor and gears, which no maker tells, are scaled from a servo that was measured.
+    """
+    stall = model.stall_torque
+    return Motor(
+        stiffness=stall * _gain(model) / model.tick,
+        damping=stall / model.free_speed,
+        torque=stall * torque_limit,
+        inertia=INERTIA_SHARE * stall,
+        friction=FRICTION_SHARE * stall,
+    )
+
+
+def _gain(model: Model) -> float:
+    """Return the share of its torque that a servo gives for one step of error."""
+    table = model.table
+    if "cw_compliance_slope" in table:
+        return 1 / model.default(table["cw_compliance_slope"])
+    gain = model.default(table["position_p_gain"])
+    return gain / 128 / 885 if model.protocol == 2 else gain / 8 / 1023

@@ -1,0 +1,310 @@
+"""The twin of an arm of Dynamixel servos: the real driver's joints and rules, in one thread and without a bus."""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from math import inf
+from typing import ClassVar, Literal
+
+from drivers.api import Away, Coupling, Health, JointState, Quality, Reading, Report, ignore
+from drivers.api.joints import Following
+from drivers.clock import Clock
+from drivers.joints.refusals import check_couplings, check_move, check_names
+from drivers.servos.commanded import CommandedJoints
+from drivers.servos.driver import FRESH
+from drivers.servos.joint import Joint, JointSpec, check
+from drivers.servos.legs import paced
+from drivers.servos.servo_twin import ServoTwin
+from drivers.servos.telling import REMEDY
+from drivers.servos.wire import Fault
+from drivers.sim.plug import Plug
+
+
+class JointsTwin(CommandedJoints):
+    """A ``drivers.api.Joints`` made of arithmetic. ``step`` is to be called every ``PERIOD``; for one thread.
+
+    ``joints``, ``at_rest`` and ``away`` as for ``DynamixelJoints``. All joints stand at 0, limp, until somebody moves
+    or holds them. Unplugged, the servos end the leg of their way that they were sent; plugged in again, those that are
+    meant to be stiff hold where they are. With every ``step`` followers are led, and ``changed`` is called.
+    Raises BadRequest for joints that cannot be, all faults in one message.
+    """
+
+    PERIOD = 0.025
+    """Longer than a round of the real driver's, which costs nothing: readings are of the moment when they are asked."""
+
+    always_stiff: ClassVar[bool] = False
+    """True for joints that cannot be made limp."""
+
+    def __init__(
+        self,
+        joints: Mapping[str, JointSpec],
+        clock: Clock,
+        *,
+        at_rest: Literal["hold", "relax"] = "hold",
+        away: Away | None = None,
+        report: Report = ignore,
+        changed: Callable[[], None] = ignore,
+        name: str = "arm",
+    ) -> None:
+        check(name, dict(joints))
+        self._servos = {joint: self._servo(joint, spec) for joint, spec in joints.items()}
+        described = {joint: servo.joint for joint, servo in self._servos.items()}
+        super().__init__(described, clock, at_rest=at_rest, away=away, report=report, changed=changed, name=name)
+        self.plug = Plug(self.name, report, back=self._connected, gone=self._gone)
+        self._following = Following()
+        self._read_at = -inf
+        self._readings: Mapping[str, Reading[JointState]] = {}
+
+    # --- what behaviours ask ------------------------------------------------------------------------------------------
+
+    def move(self, goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
+        """Start moving the named joints to ``goals`` (radians); return the goals after clamping.
+
+        Joints that followed others do so no more, and those whose servo has shut down are left out, with a notice.
+        Raises BadRequest for an unknown joint or a value that is not finite, NotConnected when the arm is unplugged.
+        """
+        speeds = speeds or {}
+        check_move(self.name, goals, speeds, self._servos)
+        self._require()
+        now = self._clock.now()
+        self._permit(goals, now)
+        accepted = self._clamping.accept(goals, now)
+        self._following.end(goals)
+        self._go(accepted, speeds, now)
+        return accepted
+
+    def follow(self, couplings: Sequence[Coupling]) -> None:
+        """Let joints follow others with every ``step`` from now on, until told otherwise; () ends it.
+
+        Joints that follow no more stand where they are. A follower that is far from where it is led is brought over
+        slowly; plugged in again, all go on to follow, and are brought over anew. Raises BadRequest for couplings that
+        cannot be, and NotConnected, but not in order to end them.
+        """
+        check_couplings(self.name, couplings, self._servos)
+        if couplings:
+            self._require()
+        freed = self._following.freed_by(couplings)
+        self._following = Following(couplings)
+        self._command(freed, stiff=True)
+
+    def states(self) -> Mapping[str, Reading[JointState]]:
+        """The state of each joint now; as last seen, and soon stale, while the arm is unplugged."""
+        now = self._clock.now()
+        if self.plug.online:
+            if self._read_at != now:
+                self._read(now)
+            return self._readings
+        if not self._readings:
+            return {name: Reading(None, now, Quality.NONE) for name in self._servos}
+        quality = Quality.GOOD if now - self._read_at <= FRESH else Quality.STALE
+        return {name: replace(reading, quality=quality) for name, reading in self._readings.items()}
+
+    def recover(self) -> tuple[str, ...]:
+        """Make servos that have shut down stiff again where they stand; return the names of the joints.
+
+        It enables the arm as well. Raises NotConnected.
+        """
+        self.plug.require()
+        self._absence.enable()
+        shut = [servo for servo in self._servos.values() if servo.joint.shut]
+        for servo in shut:
+            servo.joint.shut, servo.joint.wanted = False, True
+            servo.hold(self._clock.now())
+        self._read_at = -inf
+        return tuple(servo.joint.name for servo in shut)
+
+    # --- life ---------------------------------------------------------------------------------------------------------
+
+    def open(self) -> None:
+        """Be there at once, unless it is unplugged."""
+        self._absence.begin()
+        self.plug.open()
+
+    def rest(self) -> None:
+        """Hold or relax, as the robot file asks; tell which servos could not be brought to it. Never raises."""
+        self._telling.unrested(self._settle(self._servos, stiff=self._stiff_at_rest), stiff=self._stiff_at_rest)
+
+    def close(self) -> None:
+        """Bring the arm to rest, and let it go. Safe from any state, more than once."""
+        self.rest()
+        self.plug.close()
+        self._telling.end()
+        for servo in self._servos.values():
+            servo.joint.unsettled = False
+
+    def health(self) -> Health:
+        """Say whether the arm is there, and which servos have shut down."""
+        health = replace(self.plug.health({}), returned=self._absence.returned)
+        shut = [servo.joint.title for servo in self._servos.values() if servo.joint.shut]
+        if not health.online or not shut:
+            return health
+        return replace(health, detail=f"{self.name}: {', '.join(shut)} has shut down", hint=REMEDY)
+
+    def step(self) -> None:
+        """Lead the followers, and tell that there are new readings; these are worked out when somebody asks."""
+        if self.plug.online:
+            self._absence.heard(self._clock.now())
+            if self._following:
+                self._lead(self._clock.now())
+            self._give_up(self._clock.now())
+            self._changed()
+
+    # --- the hand of whoever tests a mission --------------------------------------------------------------------------
+
+    def true_angle(self, joint: str, now: float) -> float:
+        """Where ``joint`` really is at time ``now``, in radians."""
+        return self._servos[joint].angle(now)
+
+    def overload(self, joint: str) -> None:
+        """Let the servo of ``joint`` shut itself down for an overload. Raises BadRequest for an unknown joint."""
+        check_names(self.name, {joint}, self._servos)
+        servo, now = self._servos[joint], self._clock.now()
+        if servo.joint.shut:
+            return
+        servo.shut_down(now)
+        self._read_at = -inf
+        if self.plug.online:
+            servo.joint.reading = Reading(servo.state(now), now, Quality.GOOD)
+            self._telling.faults(servo.joint, Fault.OVERLOAD)
+            self._telling.shut(servo.joint)
+
+    def fail(self, joint: str, fault: str = "") -> None:
+        """Give the servo of ``joint`` one of ``FAULTS``, or none. Raises BadRequest for an unknown joint."""
+        check_names(self.name, {joint}, self._servos)
+        self._servos[joint].fail(fault, self._clock.now())
+        self._read_at = -inf
+
+    def push(self, joint: str, angle: float) -> None:
+        """Hold a ``joint`` at ``angle`` (radians), stiff or not, until ``fail`` ends that."""
+        check_move(self.name, {joint: angle}, {}, self._servos)
+        self._servos[joint].push(angle, self._clock.now())
+        self._read_at = -inf
+
+    def exchange(self, joint: str, angle: float) -> None:
+        """Put another servo in the place of that of ``joint``, which stands at ``angle`` (radians), while unplugged."""
+        check_move(self.name, {joint: angle}, {}, self._servos)
+        self._servos[joint].exchange(angle, self._clock.now())
+
+    def turn_by_hand(self, joint: str, angle: float) -> None:
+        """Turn a limp ``joint`` to ``angle`` (radians); a stiff one stays. Raises BadRequest for an unknown joint."""
+        check_move(self.name, {joint: angle}, {}, self._servos)
+        self._servos[joint].turn_by_hand(angle, self._clock.now())
+        self._read_at = -inf
+
+    # --- the inside ---------------------------------------------------------------------------------------------------
+
+    def _servo(self, name: str, spec: JointSpec) -> ServoTwin:
+        """Return the twin of one servo."""
+        return ServoTwin(name, spec)
+
+    def _connected(self) -> None:
+        """Give every servo the torque that was last asked for, where it stands; as found if nobody asked."""
+        now = self._clock.now()
+        for servo in self._servos.values():
+            self._compare(servo.joint, servo.position(now))
+            if servo.joint.shut:
+                self._telling.shut(servo.joint)
+            elif servo.joint.wanted is False:
+                servo.relax(now)
+            elif servo.joint.wanted:
+                servo.hold(now)
+            servo.joint.unsettled = False
+        self._following.pause()
+        if self._absence.heard(now):
+            self._following = Following()
+        self._telling.unsettled()
+        self._read(now)
+
+    def _compare(self, joint: Joint, found: float) -> None:
+        """Tell if a joint stands elsewhere than it stood when the arm was unplugged."""
+        if joint.name in self._readings:
+            joint.reading = self._readings[joint.name]
+            if (stood := joint.stood(found)) is not None:
+                joint.strayed = True
+                self._telling.elsewhere(joint, stood, found)
+
+    def _require(self) -> None:
+        """Raise NotConnected while it is unplugged, DeviceFault while it is latched."""
+        self.plug.require()
+        self._absence.require(self.name)
+
+    def _gone(self) -> None:
+        """Keep what is seen last; nobody sends the servos any farther."""
+        now = self._clock.now()
+        self._read(now)
+        for servo in self._servos.values():
+            servo.strand(now)
+
+    def _read(self, now: float) -> None:
+        self._readings = {name: self._reading(servo, now) for name, servo in self._servos.items()}
+        self._read_at = now
+
+    def _reading(self, servo: ServoTwin, now: float) -> Reading[JointState]:
+        """Return the newest reading of a servo: of one that does not answer, an old one."""
+        if servo.fault != "silent":
+            return Reading(servo.state(now), now, Quality.GOOD)
+        before = self._readings.get(servo.joint.name)
+        if before is None or before.value is None:
+            return Reading(None, now, Quality.NONE)
+        return replace(before, quality=Quality.GOOD if now - before.stamp <= FRESH else Quality.STALE)
+
+    def _go(self, goals: Mapping[str, float], speeds: Mapping[str, float], now: float) -> None:
+        """Send joints to goals within their limits, but those that have shut down."""
+        for name, goal in goals.items():
+            servo = self._servos[name]
+            joint = servo.joint
+            able = joint.driven and not joint.shut
+            if able:
+                joint.wanted = True
+                speed = speeds.get(name, self._limits[name].speed)
+                speed = paced(joint, goal, speed, servo.position(now))
+                servo.go(goal, speed, now)
+                joint.progress.command(goal, speed, now)
+            if joint.left_out is able:
+                joint.left_out = not able
+                self._telling.left_out()
+        self._read_at = -inf
+
+    def _give_up(self, now: float) -> None:
+        """Hold the joints where they stand that do not get where they are sent; let go of those that run away."""
+        watched = [servo for servo in self._servos.values() if servo.joint.progress.active or servo.fault]
+        for servo in watched:
+            servo.joint.reading = self._reading(servo, now)
+        for joint in self._look(servo.joint for servo in watched):
+            self._following.end([joint.name])
+            joint.wanted = self.always_stiff or not joint.progress.runs_away
+            if self.always_stiff and joint.progress.runs_away:
+                continue  # a further goal would drive it as wrong as the one before
+            servo = self._servos[joint.name]
+            servo.hold(now) if joint.wanted else servo.relax(now)
+            self._read_at = -inf
+
+    def _lead(self, now: float) -> None:
+        """Send every follower where it belongs now."""
+        pairs = ((coupling.leader, coupling.follower) for coupling in self._following.couplings)
+        positions = {name: self._servos[name].position(now) for pair in pairs for name in pair}
+        goals = self._clamping.accept(self._following.goals(positions), now)
+        self._go(goals, self._following.speeds(goals, positions, now), now)
+        self._following.pause([name for name in goals if self._servos[name].joint.left_out])
+
+    def _command(self, names: Collection[str], *, stiff: bool) -> None:
+        """Hold or relax; tell of the joints that did not hear it."""
+        self._settle(names, stiff=stiff)
+        self._telling.unsettled()
+
+    def _settle(self, names: Collection[str], *, stiff: bool) -> list[Joint]:
+        """Hold or relax; return the joints that did not hear it. What was never there was never moved."""
+        check_names(self.name, set(names), self._servos)
+        now = self._clock.now()
+        self._following.end(names)
+        unheard_by = []
+        for name in names:
+            servo = self._servos[name]
+            servo.joint.wanted = stiff
+            if self.plug.online:
+                servo.hold(now) if stiff else servo.relax(now)
+                servo.joint.progress.hold(servo.joint.goal if stiff else None)
+                self._read_at = -inf
+            elif self.plug.connections and not (stiff and servo.joint.shut):
+                servo.joint.unsettled = True
+                unheard_by.append(servo.joint)
+        return unheard_by

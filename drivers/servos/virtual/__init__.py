@@ -1,0 +1,1 @@
+"""A chain of servos at wire level, on a pseudo-terminal."""

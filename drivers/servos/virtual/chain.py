@@ -1,0 +1,186 @@
+"""A virtual chain of Dynamixel and Feetech servos on one wire, of all protocols: bytes and the time in, bytes out.
+
+Unless it is ``paced`` replies leave at once. Two servos with one ID answer on top of each other, or one after the other
+where their delays differ by more than a reply; a servo at another rate than the computer's is deaf, and so is one of
+the other protocol.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from heapq import heappop, heappush
+from itertools import count
+from typing import Protocol
+
+from drivers.servos import wire, wire2
+from drivers.servos.units import RETURN_DELAY_STEP, baud_code
+from drivers.servos.virtual import obey1, obey2, obey_sts
+from drivers.servos.virtual.servo import VirtualServo
+from drivers.servos.virtual.slots import Slot, collided
+from drivers.servos.wire import GAP, Packet
+from drivers.virtual.terminal import agree
+
+Obey = Callable[[Packet, Sequence[VirtualServo], float], list[Slot]]
+
+BITS = 10
+"""Bits on the wire for a byte: a start bit, eight, and a stop bit."""
+
+
+class FaultInjection(Protocol):
+    """What goes wrong with bytes between a virtual chain and its host."""
+
+    def arrange(self, reply: bytes) -> list[tuple[float, bytes]]:
+        """Return what becomes of ``reply``: pieces, each with the seconds by which it is late. Empty if it is lost."""
+        ...
+
+    def echoes(self) -> bool:
+        """Say whether the adapter hands the next request back to the computer."""
+        ...
+
+
+class VirtualServoBus:
+    """The chain as its wire shows it: a ``WireDevice`` that is ``Punctual`` and ``Tunable``.
+
+    ``paced`` plays the time that bytes take on the wire, and the return delay of each servo. ``injection`` may be
+    replaced at any time, and so may ``contention``: it picks those replies of a slot that drive the wire, where the
+    stronger of two drivers wins; without it all do.
+    """
+
+    def __init__(
+        self,
+        servos: Sequence[VirtualServo],
+        baud: int = 1_000_000,
+        *,
+        paced: bool = False,
+        injection: FaultInjection | None = None,
+    ) -> None:
+        self.servos = tuple(servos)
+        self.paced = paced
+        self.injection = injection
+        self.contention: Callable[[Slot], Slot] | None = None
+        self._ears: list[tuple[wire.Parser, Obey, list[VirtualServo]]] = []
+        for protocol, parser, obey in (
+            (1, wire.Parser(), obey1.obey),
+            (2, wire2.Parser(), obey2.obey),
+            ("STS", wire.Parser(), obey_sts.obey),
+        ):
+            if own := [servo for servo in self.servos if servo.model.protocol == protocol]:
+                self._ears.append((parser, obey, own))
+        for servo in self.servos:
+            servo.set("baud", baud_code(baud, servo.model.protocol))
+        self._first_baud = baud
+        self._dials = [(servo.table, servo.model.table["baud"].address) for servo in self.servos]
+        self._codes = self._dialled()
+        self._rates = self._set_to()
+        self._tuned: int | None = None
+        self._hearing: list[tuple[wire.Parser, Obey, list[VirtualServo]]] | None = None  # the ears that are in tune
+        self._heard_at = self._free_at = 0.0
+        self._changed_at: float | None = None
+        self._under_way: list[tuple[float, int, bytes]] = []  # when due, a number that keeps the order, the bytes
+        self._numbers = count()
+
+    @property
+    def baud(self) -> int:
+        """The rate on the wire: the computer's where it is known, else the one that most servos are set to."""
+        if self._tuned is not None:
+            return self._tuned
+        ((baud, _),) = Counter(self._rates.values()).most_common(1) or [(self._first_baud, 0)]
+        return baud
+
+    def tune(self, baud: int) -> None:
+        """Hear that the computer runs at ``baud`` (0: it has hung up); servos set to another rate are deaf to it."""
+        if self._tuned != (baud or None):
+            self._tuned = baud or None
+            self._hearing = None
+
+    def servo(self, number: int) -> VirtualServo:
+        """Return the first servo whose ID is ``number``. Raises KeyError if there is none."""
+        for servo in self.servos:
+            if servo.number == number:
+                return servo
+        raise KeyError(f"no servo has the ID {number}")
+
+    def feed(self, data: bytes, now: float) -> bytes:
+        """Take requests, cut anywhere; return what is due by now."""
+        self._change_rates(now)
+        if now - self._heard_at > GAP:
+            for parser, _, _ in self._ears:
+                parser.reset()
+        self._heard_at = now
+        self._occupy(len(data), now)
+        if self.injection and self.injection.echoes():
+            self._send(data, now)
+        for parser, obey, in_tune in self._listeners():
+            for packet in parser.feed(data):
+                for slot in obey(packet, [servo for servo in in_tune if servo.hears], now):
+                    self._reply(slot, now)
+        self._change_rates(now)
+        return self._due(now)
+
+    def poll(self, now: float) -> bytes:
+        """Let time pass; return the replies that are due. A new rate holds once the reply to its write has left."""
+        if not self._under_way:  # else it would hold up what is due
+            for servo in self.servos:
+                servo.catch_up(now)
+        self._change_rates(now)
+        return self._due(now)
+
+    def next_at(self) -> float | None:
+        """Return when the next bytes are due; None while none are under way."""
+        return self._under_way[0][0] if self._under_way else None
+
+    def _listeners(self) -> list[tuple[wire.Parser, Obey, list[VirtualServo]]]:
+        """The ears, each with those of its servos that are set to the rate on the wire."""
+        if self._hearing is None:
+            baud = self.baud
+            self._hearing = [
+                (parser, obey, [servo for servo in own if agree(self._rates[servo], baud)])
+                for parser, obey, own in self._ears
+            ]
+        return self._hearing
+
+    def _dialled(self) -> list[int]:
+        """The baud codes that the servos are set to."""
+        return [table[address] for table, address in self._dials]
+
+    def _change_rates(self, now: float) -> None:
+        """Let new baud codes hold, once the replies to what set them have left."""
+        codes = self._dialled()
+        if codes == self._codes:
+            self._changed_at = None
+        elif self._changed_at is None:
+            self._changed_at = now
+        elif now > self._changed_at and not self._under_way:
+            self._codes = codes
+            self._rates, self._hearing = self._set_to(), None
+
+    def _set_to(self) -> dict[VirtualServo, int]:
+        """The rates that the servos are set to."""
+        return {servo: servo.settings.baud for servo in self.servos}
+
+    def _occupy(self, size: int, now: float, delay: float = 0.0) -> float:
+        """Let ``size`` bytes pass over the wire once it is free; return when they have."""
+        if not self.paced:
+            return now
+        self._free_at = max(self._free_at, now) + delay + size * BITS / self.baud
+        return self._free_at
+
+    def _reply(self, slot: Slot, now: float) -> None:
+        if self.contention and len(slot) > 1:
+            slot = self.contention(slot)
+        delays = [servo.settings.return_delay * RETURN_DELAY_STEP + servo.skew for servo, _ in slot]
+        first, sent = min(delays), 0.0
+        bursts = collided([((delay - first) * self.baud, data) for delay, (_, data) in zip(delays, slot, strict=True)])
+        for begin, data in bursts:
+            due = self._occupy(len(data), now, first if begin == bursts[0][0] else max(0.0, begin / self.baud - sent))
+            sent = begin / self.baud + len(data) * BITS / self.baud
+            for late, piece in self.injection.arrange(data) if self.injection else [(0.0, data)]:
+                self._send(piece, due + late)
+
+    def _send(self, data: bytes, due: float) -> None:
+        heappush(self._under_way, (due, next(self._numbers), data))
+
+    def _due(self, now: float) -> bytes:
+        said = b""
+        while self._under_way and self._under_way[0][0] <= now:
+            said += heappop(self._under_way)[2]
+        return said

@@ -1,0 +1,99 @@
+"""What virtual servos do when they hear a request of protocol 1.0, modelled after the e-Manual.
+
+Where that is silent: a write to a read-only or locked register is refused with the range bit. A sync write, which
+nobody answers, brings a goal beyond the angle limits back to them. A factory reset, which the e-Manual has for all of
+protocol 1.0, is obeyed by an AX too, though one user tells of an AX-12 that refused it.
+"""
+
+from collections.abc import Iterable, Sequence
+
+from drivers.servos.virtual.memory import FINE
+from drivers.servos.virtual.servo import VirtualServo
+from drivers.servos.virtual.slots import Slot
+from drivers.servos.wire import BROADCAST, Fault, Instruction, Packet, status
+
+_LEVELS: dict[int, int] = {Instruction.PING: 0, Instruction.READ: 1, Instruction.BULK_READ: 1}
+"""The status return level from which an instruction is answered; the others from 2."""
+
+
+def obey(packet: Packet, servos: Sequence[VirtualServo], now: float) -> list[Slot]:
+    """Let all ``servos`` hear ``packet`` at time ``now``; return their replies, one slot after the other."""
+    if packet.id == BROADCAST and packet.intact and packet.code == Instruction.SYNC_WRITE:
+        sync_write(packet.parameters, servos, now)
+        return []
+    if packet.id == BROADCAST and packet.intact and packet.code == Instruction.BULK_READ:
+        return _bulk_read(packet.parameters, servos, now)
+    slot: Slot = []
+    for servo in servos:
+        if packet.id in (servo.number, BROADCAST):
+            servo.advance(now)
+            number = servo.number
+            error, data = _carry_out(servo, packet)
+            if packet.id != BROADCAST and _answers(servo, packet):
+                slot.append((servo, _status(servo, number, error, data)))
+    return [slot] if slot else []
+
+
+def _carry_out(servo: VirtualServo, packet: Packet) -> tuple[Fault, bytes]:
+    """Do what one servo is told; return the error bits of this request, and the data that answer it."""
+    if not packet.intact:
+        return Fault.CHECKSUM, b""
+    match packet.code:
+        case Instruction.PING:
+            return FINE, b""
+        case Instruction.READ:
+            return _read(servo, packet.parameters)
+        case Instruction.WRITE if packet.parameters:
+            return servo.write(packet.parameters[0], packet.parameters[1:]), b""
+        case Instruction.REG_WRITE if packet.parameters:
+            return servo.hold(packet.parameters[0], packet.parameters[1:]), b""
+        case Instruction.ACTION if servo.held is not None:
+            return servo.act(), b""
+        case Instruction.FACTORY_RESET:
+            servo.factory_reset()
+            return FINE, b""
+    return Fault.INSTRUCTION, b""
+
+
+def _status(servo: VirtualServo, number: int, error: Fault, data: bytes) -> bytes:
+    """Return the answer of one servo to a request, with what ails it."""
+    return status(number, int(error) | int(servo.faults), data)
+
+
+def _read(servo: VirtualServo, parameters: bytes) -> tuple[Fault, bytes]:
+    data = servo.read(*parameters) if len(parameters) == 2 else b""
+    return (FINE, data) if data else (Fault.RANGE, b"")
+
+
+def _bulk_read(parameters: bytes, servos: Iterable[VirtualServo], now: float) -> list[Slot]:
+    """Let the servos that know bulk reads answer in turn; behind a silent one all are silent, for they wait for it."""
+    slots: list[Slot] = []
+    for start in range(1, len(parameters) - 2, 3):
+        count, number, address = parameters[start : start + 3]
+        slot: Slot = []
+        for servo in servos:
+            if servo.number == number and servo.model.reads == "bulk" and servo.get("status_return_level"):
+                servo.advance(now)
+                error, data = _read(servo, bytes((address, count)))
+                slot.append((servo, _status(servo, number, error, data)))
+        if not slot:
+            break
+        slots.append(slot)
+    return slots
+
+
+def sync_write(parameters: bytes, servos: Iterable[VirtualServo], now: float) -> None:
+    """Carry out a sync write, which nobody answers."""
+    if len(parameters) < 2:
+        return
+    (address, size), blocks = parameters[:2], parameters[2:]
+    for start in range(0, len(blocks) - size, size + 1):
+        for servo in servos:
+            if servo.number == blocks[start]:
+                servo.catch_up(now)
+                servo.write(address, blocks[start + 1 : start + 1 + size], clamp=True)
+
+
+def _answers(servo: VirtualServo, packet: Packet) -> bool:
+    """Whether the status return level lets it answer; a ping it always answers."""
+    return servo.get("status_return_level") >= (_LEVELS.get(packet.code, 2) if packet.intact else 2)

@@ -1,0 +1,205 @@
+"""What virtual servos do when they hear a request of protocol 2.0, modelled after the e-Manual.
+
+Servos that are read together answer in the order of the request, each after the one before it: behind a servo that is
+not there, all are silent.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
+
+from drivers.servos.virtual.memory import FINE
+from drivers.servos.virtual.servo import VirtualServo
+from drivers.servos.virtual.slots import Slot, overlaid
+from drivers.servos.wire import BROADCAST, Fault, Packet
+from drivers.servos.wire2 import ALERT, HEADER, STATUS, Error, Instruction, crc, status
+
+FAST_SYNC_READ, FAST_BULK_READ = 0x8A, 0x9A
+"""Readings that all servos answer in one packet, each with its part."""
+
+FORGET_TURNS = bytes.fromhex("01 44 58 4C 22")
+"""The parameters of CLEAR: part of the position, and a password."""
+
+KEEP: Mapping[int, tuple[str, ...]] = MappingProxyType({0xFF: (), 0x01: ("id",), 0x02: ("id", "baud")})
+"""What survives a factory reset, by its parameter."""
+
+_ERRORS: Mapping[Fault, Error] = MappingProxyType(
+    {
+        FINE: Error.NONE,
+        Fault.RANGE: Error.RANGE,
+        Fault.LENGTH: Error.LENGTH,
+        Fault.LIMIT: Error.LIMIT,
+        Fault.ACCESS: Error.ACCESS,
+    }
+)
+_LEVELS: dict[int, int] = {Instruction.PING: 0, Instruction.READ: 1}
+"""The status return level from which an instruction is answered; the others from 2."""
+
+Wanted = tuple[int, int, int]
+"""What to read of one servo: its ID, an address, and a size."""
+
+
+def obey(packet: Packet, servos: Sequence[VirtualServo], now: float) -> list[Slot]:
+    """Let all ``servos`` hear ``packet`` at time ``now``; return their replies, one slot after the other."""
+    meant = [servo for servo in servos if packet.id in (servo.number, BROADCAST)]
+    for servo in meant:
+        servo.heard(now)
+        if packet.code in (Instruction.SYNC_WRITE, Instruction.BULK_WRITE):
+            servo.catch_up(now)
+        else:
+            servo.advance(now)
+    if packet.id == BROADCAST and packet.intact:
+        if packet.code == Instruction.PING:
+            return [_ping(meant, number) for number in sorted({servo.number for servo in meant})]
+        if packet.code in (Instruction.SYNC_WRITE, Instruction.BULK_WRITE):
+            _write_many(packet, meant)
+            return []
+        if packet.code in (Instruction.SYNC_READ, Instruction.BULK_READ):
+            return _in_turn(_wanted(packet), meant)
+        if packet.code in (FAST_SYNC_READ, FAST_BULK_READ):
+            return _in_one(_wanted(packet), meant)
+    slot: Slot = []
+    for servo in meant:
+        number = servo.number
+        error, data = _carry_out(servo, packet)
+        if packet.id != BROADCAST and _answers(servo, packet):
+            slot.append((servo, status(number, error | _alert(servo), data)))
+    return [slot] if slot else []
+
+
+def _carry_out(servo: VirtualServo, packet: Packet) -> tuple[Error, bytes]:
+    """Do what one servo is told; return the error of this request, and the data that answer it."""
+    if not packet.intact:
+        return Error.CRC, b""
+    address, rest = int.from_bytes(packet.parameters[:2], "little"), packet.parameters[2:]
+    match packet.code:
+        case Instruction.PING:
+            return Error.NONE, _identity(servo)
+        case Instruction.READ:
+            return _read(servo, address, int.from_bytes(rest, "little"))
+        case Instruction.WRITE if rest:
+            return _ERRORS[servo.write(address, rest)], b""
+        case Instruction.REG_WRITE if rest:
+            return _ERRORS[servo.hold(address, rest)], b""
+        case Instruction.ACTION if servo.held is not None:
+            return _ERRORS[servo.act()], b""
+        case Instruction.REBOOT | Instruction.FACTORY_RESET | Instruction.CLEAR:
+            return _begin_anew(servo, packet), b""
+    return Error.INSTRUCTION, b""
+
+
+def _begin_anew(servo: VirtualServo, packet: Packet) -> Error:
+    """Start, set or count anew."""
+    match packet.code, packet.parameters:
+        case Instruction.REBOOT, _:
+            servo.brown_out()
+        case Instruction.FACTORY_RESET, bytes(option) if len(option) == 1 and option[0] in KEEP:
+            servo.factory_reset(*KEEP[option[0]])
+        case Instruction.CLEAR, parameters if parameters == FORGET_TURNS:
+            if servo.turning:
+                return Error.FAILED
+            servo.forget_turns()
+        case _:
+            return Error.INSTRUCTION
+    return Error.NONE
+
+
+def _identity(servo: VirtualServo) -> bytes:
+    """What a ping answers: the model number and the firmware."""
+    return bytes(servo.table[0:2]) + bytes((servo.get("firmware"),))
+
+
+def _ping(servos: Iterable[VirtualServo], number: int) -> Slot:
+    """Return what those with the ID ``number`` answer to a ping to all."""
+    return [(s, status(number, _alert(s), _identity(s))) for s in servos if s.number == number]
+
+
+def _alert(servo: VirtualServo) -> int:
+    return ALERT if servo.get("hardware_error") else 0
+
+
+def _read(servo: VirtualServo, address: int, count: int) -> tuple[Error, bytes]:
+    data = servo.read(address, count)
+    return (Error.NONE, data) if data else (Error.RANGE, b"")
+
+
+def _wanted(packet: Packet) -> list[Wanted]:
+    """Return whom a reading of several servos names, in its order, and what it asks them for."""
+    data = packet.parameters
+    if packet.code in (Instruction.SYNC_READ, FAST_SYNC_READ):
+        return [(number, _word(data, 0), _word(data, 2)) for number in data[4:]]
+    return [(data[n], _word(data, n + 1), _word(data, n + 3)) for n in range(0, len(data) - 4, 5)]
+
+
+def _word(data: bytes, start: int) -> int:
+    return int.from_bytes(data[start : start + 2], "little")
+
+
+def _readers(servos: Iterable[VirtualServo], number: int) -> list[VirtualServo]:
+    return [servo for servo in servos if servo.number == number and servo.get("status_return_level")]
+
+
+def _in_turn(wanted: Iterable[Wanted], servos: Sequence[VirtualServo]) -> list[Slot]:
+    """Answer one after the other."""
+    slots: list[Slot] = []
+    for number, address, count in wanted:
+        slot: Slot = []
+        for servo in _readers(servos, number):
+            error, data = _read(servo, address, count)
+            slot.append((servo, status(number, error | _alert(servo), data)))
+        if not slot:
+            break
+        slots.append(slot)
+    return slots
+
+
+def _in_one(wanted: Sequence[Wanted], servos: Sequence[VirtualServo]) -> list[Slot]:
+    """Answer in one packet: for each its error, ID, data, and a CRC over all that was sent so far. Nothing is stuffed.
+
+    Where a servo is missing the packet stops short.
+    """
+    length = 1 + sum(count + 4 for _, _, count in wanted)
+    frame = HEADER + bytes((BROADCAST, *length.to_bytes(2, "little"), STATUS))
+    first: VirtualServo | None = None
+    for number, address, count in wanted:
+        readers = _readers(servos, number)
+        if not readers:
+            break
+        first = first or readers[0]
+        parts = []
+        for servo in readers:
+            error, data = _read(servo, address, count)
+            parts.append(bytes((error | _alert(servo), number)) + data.ljust(count, b"\0"))
+        frame += overlaid(parts)
+        frame += crc(frame).to_bytes(2, "little")
+    return [[(first, frame)]] if first else []
+
+
+def _write_many(packet: Packet, servos: Sequence[VirtualServo]) -> None:
+    """Carry out a sync write or a bulk write, which nobody answers."""
+    data = packet.parameters
+    for number, address, block in _sync_blocks(data) if packet.code == Instruction.SYNC_WRITE else _bulk_blocks(data):
+        for servo in servos:
+            if servo.number == number:
+                servo.write(address, block)
+
+
+Written = tuple[int, int, bytes]
+"""What to write to one servo: its ID, an address, and the bytes."""
+
+
+def _sync_blocks(data: bytes) -> Iterator[Written]:
+    address, size = _word(data, 0), _word(data, 2)
+    for start in range(4, len(data) - size, size + 1):
+        yield data[start], address, data[start + 1 : start + 1 + size]
+
+
+def _bulk_blocks(data: bytes) -> Iterator[Written]:
+    while len(data) > 5:
+        size = _word(data, 3)
+        yield data[0], _word(data, 1), data[5 : 5 + size]
+        data = data[5 + size :]
+
+
+def _answers(servo: VirtualServo, packet: Packet) -> bool:
+    """Whether the status return level lets it answer; a ping it always answers."""
+    return servo.get("status_return_level") >= (_LEVELS.get(packet.code, 2) if packet.intact else 2)

@@ -1,0 +1,262 @@
+"""A virtual Dynamixel or Feetech of any model as a machine: its control table, its motor, and how it protects itself.
+
+A stall of a second is an overload. In protocol 1.0 a servo that shuts down sets its torque limit to 0, and recovers
+when that is set anew; in protocol 2.0 it keeps the fault in its table, and recovers by a reboot. An STS has no force
+while a fault lasts, and an overload lasts until its torque is switched off.
+"""
+
+from math import pi
+
+from drivers.servos.virtual.memory import FINE, Memory
+from drivers.servos.virtual.motor import Motor
+from drivers.servos.virtual.obedience import obedient
+from drivers.servos.virtual.settings import Feeling, Readings
+from drivers.servos.wire import Fault, sts_status
+from drivers.servos.wire2 import hardware_faults
+from drivers.sim.servo import Shaft
+
+STALL_TIME = 1.0
+"""Seconds of stalling after which a servo reports an overload."""
+
+REBOOT_TIME = 0.2
+"""Seconds for which a servo that starts anew is silent."""
+
+WATCHDOG_STEP = 0.02
+"""Seconds that one step of the bus watchdog is worth."""
+
+MATTERS = 0.005
+"""Seconds that a shaft may lag behind while nobody looks."""
+
+
+class VirtualServo(Memory):
+    """One servo, with attributes that a test or a world may set at any time.
+
+    ``present``: False while it has no cable; ``voltage`` in volts; ``temperature`` in degrees Celsius; ``burden``, the
+    torque that it must hold against, as a share of its stall torque, positive when it must push anticlockwise;
+    ``damage``, faults of its hardware (ENCODER, SHOCK) that protocol 2.0 can tell. ``held`` is a registered write.
+    ``skew``, the seconds by which it replies later than its return delay says; ``booted``, when its clock was 0.
+    ``shaft.grip`` is 0 while the shaft is blocked, and -1 while it turns the wrong way.
+    """
+
+    def __init__(self, servo: int = 1, *, model: str = "AX-12A", angle: float = 0.0) -> None:
+        super().__init__(model)
+        self.present = True
+        self.voltage = self.model.volts
+        self.temperature = 35.0
+        self.burden = 0.0
+        self.damage = FINE
+        self.faults = FINE
+        self.held: tuple[int, bytes] | None = None
+        self.skew = 0.0
+        self.booted = 0.0
+        self._motor = Motor(self, angle)
+        self._readings = Readings(self.model)
+        self._watches_bus = self.has("bus_watchdog")
+        self._overloaded = False
+        self._starts_at: float | None = None
+        self._heard_at = self._now = 0.0
+        self.set("id", servo)
+        self.power_cycle()
+
+    @property
+    def shaft(self) -> Shaft:
+        """The shaft, in radians from the middle of the range, positive anticlockwise seen facing the horn."""
+        return self._motor.shaft
+
+    @property
+    def angle(self) -> float:
+        """Where the shaft is, in radians."""
+        return self._motor.shaft.position
+
+    @property
+    def turning(self) -> bool:
+        """Whether the shaft moves."""
+        return self._motor.turning != 0
+
+    @property
+    def limp(self) -> bool:
+        """True while it exerts no torque, so that a hand can turn it."""
+        return self._starts_at is not None or not self._motor.stiff
+
+    @property
+    def awake(self) -> bool:
+        """False while its supply is too low to run at all, or it starts anew."""
+        return self._starts_at is None
+
+    @property
+    def hears(self) -> bool:
+        """Whether it can hear the bus, at the right rate."""
+        return self.present and self._starts_at is None
+
+    def turn_by_hand(self, angle: float) -> None:
+        """Turn the shaft to ``angle``; a stiff one stays where it is."""
+        if self.limp:
+            self.shaft.position = self.shaft.goal = angle
+
+    def freeze(self, *, on: bool = True) -> None:
+        """Let its sensor report where it is now, wherever it turns."""
+        self._motor.frozen = None
+        self._motor.frozen = self._motor.ticks() if on else None
+
+    def overload(self) -> None:
+        """Make it report an overload, until it is cured: by a new torque limit, a reboot (2.0), torque off (STS)."""
+        self._overloaded = True
+
+    def brown_out(self, seconds: float = REBOOT_TIME) -> None:
+        """Let the supply dip: it is limp and silent for so long, then starts anew. A reboot is the same to it."""
+        self._starts_at = self.shaft.stamp + seconds
+
+    def power_cycle(self) -> None:
+        """Cut the power and give it back: what is not in the EEPROM starts from its default."""
+        self._starts_at = self.held = None
+        self._overloaded = False
+        self.recall()
+        for register in self.model.table.registers.values():
+            if not register.eeprom:
+                self.set(register, self.model.default(register))
+        self.set(self.model.table.torque_limit, self.get(self.model.table.torque_ceiling))
+        if abs(self.angle) > pi:
+            self._motor.forget_turns()
+        self.set(self.model.table.goal, self._motor.ticks())
+
+    def factory_reset(self, *keep: str) -> None:
+        """Take every setting back to what it was as delivered but those named, and start anew."""
+        for register in self.model.table.registers.values():
+            if register.name not in keep:
+                self.set(register, self.model.default(register))
+        self.power_cycle()
+
+    def forget_turns(self) -> None:
+        """Count the turns from 0 again."""
+        self._motor.forget_turns()
+
+    def write(self, address: int, data: bytes, *, clamp: bool = False) -> Fault:
+        """Take a write from the bus; return why it was refused. ``clamp`` brings a goal within the limits instead."""
+        fitting = self.clamped(address, data) if clamp else data
+        if self.model.protocol == "STS":
+            fitting = obedient(self, address, data)
+        elif reason := self.refused(address, fitting):
+            return reason
+        self.table[address : address + len(data)] = fitting
+        self.keep()
+        touched = self.span(address, len(data)).names
+        if self.model.table.goal in touched and self.settings.goal_stiffens:
+            self.set("torque_enable", 1)
+        renewed = self.model.protocol == 1 and "torque_limit" in touched and self.get("torque_limit")
+        if renewed or (self.model.protocol == "STS" and "torque_enable" in touched and not self.get("torque_enable")):
+            self._forgive()
+        self._protect()
+        return FINE
+
+    def _forgive(self) -> None:
+        """End an overload; one whose cause remains comes back."""
+        self._overloaded = False
+        self._motor.stalled_since = None
+
+    def read(self, address: int, size: int) -> bytes:
+        """Return what the bus reads of the table, as it is by the time that was let pass; nothing beyond its end."""
+        if not size or address + size > len(self.table):
+            return b""
+        if address + size > self._volatile:
+            self._readings.tell(self.table, self._feel())
+            if self.has("status"):
+                self.set("status", sts_status(self.faults))
+        return bytes(self.table[address : address + size])
+
+    def hold(self, address: int, data: bytes) -> Fault:
+        """Take a write that is to be carried out later; return why it was refused."""
+        reason = self.refused(address, data)
+        if not reason:
+            self.held = (address, data)
+            self.set("registered", 1)
+        return reason
+
+    def act(self) -> Fault:
+        """Carry out what is held; return why that was refused after all."""
+        held, self.held = self.held, None
+        self.set("registered", 0)
+        return self.write(*held) if held else FINE
+
+    def heard(self, now: float) -> None:
+        """Take note that the bus is alive."""
+        self._heard_at = now
+
+    def advance(self, now: float) -> None:
+        """Let time pass until ``now``."""
+        self._now = now
+        if self._starts_at is not None:
+            self.shaft.stamp = max(self.shaft.stamp, now)
+            if now < self._starts_at:
+                return
+            self.power_cycle()
+        if self._watches_bus:
+            self._watch_bus(now)
+        self._motor.advance(now, self.burden)
+        since = self._motor.stalled_since
+        if since is not None and now - since >= STALL_TIME:
+            self._overloaded = True
+        self._protect()
+
+    def catch_up(self, now: float) -> None:
+        """Let time pass if enough has to matter to a goal; cheaper than ``advance`` where many are written at once."""
+        if now - self.shaft.stamp >= MATTERS:
+            self.advance(now)
+
+    def _watch_bus(self, now: float) -> None:
+        """Stop if the bus has been silent for longer than the bus watchdog allows."""
+        if 0 < self.get("bus_watchdog") * WATCHDOG_STEP < now - self._heard_at:
+            self.set("bus_watchdog", -1)
+            self.set("goal_velocity", 0)
+            self.set("goal_position", self._motor.ticks())
+
+    def _protect(self) -> None:
+        """Find the faults, and switch the motor off for those that the shutdown mask names."""
+        settings = self.settings
+        found = Fault.OVERLOAD if self._overloaded else FINE
+        if not settings.voltages[0] <= round(self.voltage * 10) <= settings.voltages[1]:
+            found |= Fault.VOLTAGE
+        if self.temperature > settings.hottest:
+            found |= Fault.OVERHEATING
+        if self.model.protocol == 2:
+            shut = self._latch(found | self.damage)
+        elif self.model.protocol == "STS":
+            self.faults = found
+            self._motor.weak = bool(found) and bool(sts_status(found) & settings.shutdown)
+            return  # its torque stays switched on: force returns with the end of the fault
+        else:
+            self.faults = found
+            shut = bool(found) and bool(found & settings.shutdown)
+            if shut:
+                self.set("torque_limit", 0)
+        if shut:
+            self.set("torque_enable", 0)
+            self._motor.turning = 0.0
+
+    def _latch(self, faults: Fault) -> bool:
+        """Keep the faults that shut it down until it is rebooted, while the others pass; return whether it is shut."""
+        mask = self.settings.shutdown
+        error = self.get("hardware_error")
+        if not (error or faults):
+            self.faults = FINE
+            return False
+        error = error & mask | _hardware_error(faults)
+        self.set("hardware_error", error)
+        self.faults = hardware_faults(error)
+        return bool(error & mask)
+
+    def _feel(self) -> Feeling:
+        motor = self._motor
+        return Feeling(
+            position=motor.ticks(),
+            velocity=motor.sense * motor.turning,
+            drive=0.0 if self.limp else motor.drive(self.burden),
+            arrived=motor.shaft.position == motor.shaft.goal,
+            voltage=self.voltage,
+            temperature=self.temperature,
+            now=self._now - self.booted,
+        )
+
+
+def _hardware_error(faults: Fault) -> int:
+    """Return what register ``hardware_error`` says of ``faults``."""
+    return sum(1 << bit for bit in range(6) if faults & hardware_faults(1 << bit)) if faults else 0

@@ -1,0 +1,1 @@
+"""Sound that several devices share: WAV files, and printed words."""

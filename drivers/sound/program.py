@@ -1,0 +1,184 @@
+"""Programs of others that speak: which there are, and how each is told what to say.
+
+Each is run once for each text, and silenced with all that it has started.
+"""
+
+import os
+import shlex
+import shutil
+import signal
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from subprocess import DEVNULL, PIPE, Popen, TimeoutExpired
+
+from drivers.api import Manner
+from drivers.api.quick import dataclass
+from drivers.clock import Clock
+from drivers.errors import DeviceFault, NoReply
+from drivers.sound.cut import Cut
+from drivers.sound.manner import WORDS_PER_MINUTE, espeak_name, longest, seconds_of
+from drivers.sound.protocol import Speech
+from drivers.transport.pipe import last_words
+
+_ESPEAK = ("--stdin", "-v{name}", "-s{speed}", "-a{volume}")
+
+KNOWN: Mapping[str, tuple[str, ...]] = {
+    "espeak-ng": _ESPEAK,
+    "espeak": _ESPEAK,
+    "say": ("-v{voice}", "-r{speed}", "-f", "-"),  # of macOS
+}
+"""Programs that speak their standard input, best first, and their arguments."""
+
+
+@dataclass(frozen=True, slots=True)
+class Synthesiser:
+    """A program that speaks what it reads from its standard input (UTF-8), and ends when it has.
+
+    In ``arguments``, ``{voice}``, ``{language}`` and ``{speed}`` (words a minute) stand for the manner of speaking,
+    ``{volume}`` for how loud (percent), ``{name}`` for the voice as espeak calls it: "en-us+f2". An argument is left
+    out while what stands in it is not known.
+    """
+
+    program: str
+    arguments: tuple[str, ...] = ()
+    volume: float = 1.0
+
+    def command(self, manner: Manner) -> list[str]:
+        """Return what to run; never through a shell, and the text is no part of it."""
+        values = {
+            "{voice}": manner.voice,
+            "{language}": manner.language,
+            "{name}": espeak_name(manner),
+            "{speed}": f"{manner.speed:.0f}" if manner.speed else "",
+            "{volume}": f"{self.volume:.0%}".rstrip("%"),
+        }
+        return [self.program, *(_filled(each, values) for each in self.arguments if not _lacks(each, values))]
+
+
+def _lacks(argument: str, values: Mapping[str, str]) -> bool:
+    return any(word in argument and not value for word, value in values.items())
+
+
+def _filled(argument: str, values: Mapping[str, str]) -> str:
+    for word, value in values.items():
+        argument = argument.replace(word, value)
+    return argument
+
+
+def find_synthesiser(folders: str | None = None, *, volume: float = 1.0) -> Synthesiser | None:
+    """Return the best program on the PATH (or in ``folders``, joined as in PATH); None where there is none."""
+    for name, arguments in KNOWN.items():
+        program = shutil.which(name, path=folders)
+        if program is not None:
+            return Synthesiser(program, arguments, volume)
+    return None
+
+
+LINGERING = 0.2
+"""Seconds for which a program's pipes are still read when it has ended: what it has started may hold them for ever."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ran:
+    """What a program that has ended wrote, if that was wanted, and the last line of its complaints."""
+
+    output: bytes
+    complaint: str
+
+
+def run(
+    name: str, command: Sequence[str], text: str, cut: Cut, clock: Clock, *, limit: float, wanted: bool = False
+) -> Ran | None:
+    """Run ``command`` for ``name``, ``text`` on its standard input; what it writes is kept if that is ``wanted``.
+
+    Returns None when it was broken off. Raises DeviceFault when it cannot be run, or fails, and NoReply when it has not
+    ended after ``limit`` seconds.
+    """
+    hint = f"echo hello | {shlex.join(command)}" + (" > hello.raw" if wanted else "")
+    try:
+        process = Popen(  # noqa: S603 - no shell, and what is said goes in through stdin
+            command,
+            stdin=PIPE,
+            stdout=PIPE if wanted else DEVNULL,
+            stderr=PIPE,
+            start_new_session=True,  # so that programs which it starts fall silent with it
+        )
+    except OSError as error:
+        raise DeviceFault(f"{name}: {command[0]}: {error}", hint=hint) from error
+    with cut.then(lambda: _kill(process)):
+        ran = _read(process, text.encode("utf-8", "replace"), clock, clock.now() + limit)
+    if cut.made:
+        return None
+    if ran is None:
+        raise NoReply(f"{name}: {command[0]}: has not ended after {limit:.0f} s", hint=hint)
+    if process.returncode != 0:
+        raise DeviceFault(f"{name}: {command[0]}: ended with {process.returncode}: {ran.complaint}", hint=hint)
+    return ran
+
+
+def _read(process: "Popen[bytes]", text: bytes, clock: Clock, until: float) -> Ran | None:
+    """Return what a program says until it ends; None for one that had to be killed, since it did not in time."""
+    given: bytes | None = text
+    output: bytes | None
+    complaint: bytes | None
+    ended = killed = False
+    while True:
+        try:
+            output, complaint = process.communicate(given, timeout=LINGERING)
+            break
+        except TimeoutExpired as late:
+            given, output, complaint = None, late.output, late.stderr
+        if ended:  # and was given the time to say its last
+            break
+        ended = process.poll() is not None
+        if not ended and clock.now() > until:
+            _kill(process)
+            ended = killed = True
+    process.poll()
+    for pipe in (process.stdin, process.stdout, process.stderr):
+        if pipe is not None:
+            pipe.close()
+    return None if killed else Ran(output or b"", last_words(complaint or b""))
+
+
+def _kill(process: "Popen[bytes]") -> None:
+    """Kill a program and whatever it started, unless it has been waited for and its number may be another's."""
+    if process.returncode is None:
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+TOO_SOON = 1 / 3
+"""Part of the time that words take: a program that complains and has ended by then has not spoken them."""
+
+
+class Speaker:
+    """A ``drivers.sound.engines.Engine`` that has a program speak."""
+
+    speaks_itself = True
+    broken = ""
+
+    def __init__(self, synthesiser: Synthesiser, clock: Clock) -> None:
+        self._synthesiser = synthesiser
+        self._clock = clock
+        self._name = "voice"
+
+    def open(self) -> None:
+        """Do nothing: the program is run for each text."""
+
+    def close(self) -> None:
+        """Do nothing: what runs is broken off with the words that it says."""
+
+    def speak(self, text: str, manner: Manner, cut: Cut) -> Speech | None:
+        """See Engine. Raises DeviceFault, also where it says that it has spoken and cannot have; and NoReply.
+
+        Without a sound card espeak-ng complains, ends at once, and with 0.
+        """
+        command, began = self._synthesiser.command(manner), self._clock.now()
+        ran = run(self._name, command, text, cut, self._clock, limit=longest(text, manner))
+        seconds = TOO_SOON * seconds_of(text, manner.speed or WORDS_PER_MINUTE)
+        if ran is not None and ran.complaint and self._clock.now() - began < seconds:
+            program = self._synthesiser.program
+            hint = "`aplay -l` lists sound cards; `driver: print` speaks without"
+            raise DeviceFault(f"{self._name}: {program}: ended before it had spoken: {ran.complaint}", hint=hint)
+        return None

@@ -1,0 +1,129 @@
+"""A rover of Waveshare's at the level of its wire, with the order in which its firmware does things."""
+
+import json
+from math import inf
+from threading import RLock
+
+from drivers.api import Pose2D, Velocity
+from drivers.base.reckoning import TwoWheels
+from drivers.sim.body import Body
+from drivers.sim.wheels import DelayLine
+from drivers.waveshare import wire
+
+BANNER = b"Initialize LittleFS for Flash files ctrl.\r\nWiFi init.\r\nUGV started.\r\n"
+"""Some of the lines that the firmware writes at its start."""
+
+LOOP = 0.008
+"""Seconds of one turn of its loop at least: what a report takes at 115200 baud."""
+
+VOLTS = 12.1
+
+
+class VirtualWaveshare:
+    """A ``drivers.virtual.terminal.WireDevice`` on the ``body`` of a base. Safe between threads.
+
+    ``track`` (m) is what its wheels turn it by, ``unit`` what it is told for 1 m/s. ``echoes`` is False for firmware
+    that knows no echo. ``late`` delays its reports. ``commanded`` keeps the newest speeds that it obeyed.
+    """
+
+    def __init__(
+        self, body: Body, *, track: float, unit: float, encoders: bool, baud: int = 115_200, echoes: bool = True
+    ) -> None:
+        self.baud = baud
+        self.body = body
+        self.echoes = echoes
+        self.commanded = (0.0, 0.0)
+        self._wheels = TwoWheels(track, inf)
+        self._unit = unit
+        self._encoders = encoders
+        self._lock = RLock()
+        self.late: DelayLine[bytes] = DelayLine()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Be as after a start."""
+        self.heartbeat = 3.0
+        self._begun = b""
+        self._echo = self._flow = False
+        self._interval = 0.0
+        self._due = -inf
+        self._heard_at = -inf
+        self._banner = BANNER
+        self.commanded = (0.0, 0.0)
+
+    def reset(self, now: float) -> None:
+        """Press its reset button: the wheels stand, and nothing that was set is any more."""
+        with self._lock:
+            self._forget()
+            self.body.command(0.0, 0.0, now)
+
+    def plugged(self, now: float) -> None:
+        """Do nothing: it has its power from its battery."""
+
+    def feed(self, data: bytes, now: float) -> bytes:
+        """Take lines; return the echoes and answers."""
+        with self._lock:
+            *lines, self._begun = (self._begun + data).split(b"\n")
+            return b"".join(self._line(line, now) for line in lines) + self._said(now)
+
+    def poll(self, now: float) -> bytes:
+        """Let time pass; return the reports that are due."""
+        with self._lock:
+            return self._said(now)
+
+    def pose(self, now: float) -> Pose2D:
+        """Where it really is at time ``now``."""
+        with self._lock:
+            return self.body.advance(now)
+
+    def _said(self, now: float) -> bytes:
+        said, self._banner = self._banner, b""
+        if now - self._heard_at > self.heartbeat:
+            self.commanded = (0.0, 0.0)
+        self._drive(now)
+        if self._flow and now >= self._due:
+            self._due = now + max(self._interval, LOOP)
+            self.late.put(now, self._report())
+        return said + b"".join(self.late.due(now))
+
+    def _drive(self, now: float) -> None:
+        """Turn the wheels: those of the body, which forget sooner, are told again."""
+        velocity = self._wheels.velocity(*(speed / self._unit for speed in self.commanded))
+        self.body.command(velocity.linear, velocity.angular, now)
+
+    def _line(self, line: bytes, now: float) -> bytes:
+        try:
+            told = json.loads(line)
+            number = told["T"]
+        except (ValueError, LookupError, TypeError):
+            return b""
+        echo = line + b"\n" if self._echo and self.echoes else b""
+        value = told.get("cmd", 0)
+        if number == wire.SPEED and all(isinstance(told.get(name), int | float) for name in "LR"):
+            self._heard_at = now
+            if not self._encoders or max(abs(told["L"]), abs(told["R"])) <= wire.FASTEST:
+                self.commanded = (told["L"], told["R"])
+        elif number == wire.HEARTBEAT:
+            self.heartbeat = value / 1000
+        elif number == wire.FLOW:
+            self._flow = bool(value)
+        elif number == wire.INTERVAL:
+            self._interval = abs(value) / 1000
+        elif number == wire.ECHO:
+            self._echo = bool(value)
+        elif number == wire.REPORT:
+            return echo + self._report()
+        return echo
+
+    def _report(self) -> bytes:
+        told = {"T": wire.FEEDBACK, **self.speeds, "r": 0.31, "p": -0.52, "y": "null", "v": VOLTS}
+        return json.dumps(told, separators=(",", ":")).encode() + b"\r\n"
+
+    @property
+    def speeds(self) -> dict[str, float]:
+        """What its encoders measure now, in m/s; nothing, where there are none."""
+        if not self._encoders:
+            return {"L": 0, "R": 0}
+        left, right = self.body.counters.speeds
+        moves = Velocity((left + right) / 2, (right - left) / self.body.wheels.separation)
+        return {name: round(speed, 4) for name, speed in zip("LR", self._wheels.rims(moves), strict=True)}

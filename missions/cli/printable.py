@@ -1,0 +1,144 @@
+"""Text as it may go to a terminal: with nothing in it that a terminal obeys.
+
+Names, reasons and texts come from missions, records, tasks and networks. An escape code among them would set colours,
+clear the screen or forge lines; a change of the direction of writing would show a name as another one.
+"""
+
+import codecs
+import io
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any, TextIO, cast
+
+import click
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.live import Live
+from rich.segment import Segment
+from rich.text import Text
+
+_OBEYED = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]|\r(?!\n)")
+"""Control codes of both sets but tab and new line, separators of lines, and what turns the direction of writing."""
+
+
+def printable(text: str) -> str:
+    """Return a text with every code that a terminal obeys written out, as JSON does it, which stays the same JSON."""
+    return _OBEYED.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def all_printable(data: Any) -> Any:
+    """Return what was read from JSON with every text in it made printable."""
+    match data:
+        case str():
+            return printable(data)
+        case list():
+            return [all_printable(each) for each in data]
+        case dict():
+            return {all_printable(key): all_printable(each) for key, each in data.items()}
+        case _:
+            return data
+
+
+class PrintableStream:
+    """A text stream that writes out what a terminal would obey; in all else it is the stream ``raw``."""
+
+    def __init__(self, raw: TextIO) -> None:
+        self.raw = raw
+
+    def write(self, text: str) -> int:
+        """Write a text, made printable."""
+        return self.raw.write(printable(text))
+
+    def writelines(self, lines: Any) -> None:
+        """Write texts, made printable."""
+        for line in lines:
+            self.write(line)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.raw, name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.raw)
+
+
+def terminal(stream: TextIO) -> TextIO:
+    """Return the stream behind a printable one, for who writes codes of our own and makes all else printable."""
+    return stream.raw if isinstance(stream, PrintableStream) else stream
+
+
+@contextmanager
+def printable_streams() -> Iterator[None]:
+    """Have all that this process prints made printable: ours, that of libraries, and errors."""
+    before = sys.stdout, sys.stderr
+    for stream in before:
+        if isinstance(stream, io.TextIOWrapper):
+            # A terminal that has no sign for what we print is no reason to stop; of ASCII, click makes a stream anew.
+            ascii_only = codecs.lookup(stream.encoding).name == "ascii"
+            stream.reconfigure(encoding="utf-8" if ascii_only else stream.encoding, errors="replace")
+    sys.stdout, sys.stderr = (cast(TextIO, PrintableStream(stream)) for stream in before)
+    try:
+        yield
+    finally:
+        for name, stream in zip(("stdout", "stderr"), before, strict=True):
+            if getattr(sys, name) is not None:  # the reader of our output may have gone
+                setattr(sys, name, stream)
+
+
+# The one way to colours, tables and lines that move: consoles whose texts hold nothing that a terminal obeys.
+
+
+class PrintableConsole(Console):
+    """A console of rich: its own codes reach the terminal, those within texts are written out."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """Return what is to be written, each text of it made printable."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else segment._replace(text=printable(segment.text))
+
+
+def console(out: TextIO | None = None, *, highlight: bool = False, soft_wrap: bool = False) -> PrintableConsole:
+    """Return a console on ``out``, or on stdout."""
+    return PrintableConsole(file=terminal(out or sys.stdout), highlight=highlight, soft_wrap=soft_wrap)
+
+
+def echo(text: str, style: str, *more: str) -> None:
+    """Print a line on stdout: ``text`` in that style, and ``more`` behind it."""
+    console(soft_wrap=True).print(Text.assemble((text, style), *more))
+
+
+class LiveLines:
+    """Lines of a terminal with their colours, and the one below them, which goes with ``stop``."""
+
+    moves = True
+
+    def __init__(self, out: TextIO) -> None:
+        self._console = console(out, soft_wrap=True)
+        self._live = Live(console=self._console, auto_refresh=False, transient=True)
+
+    def start(self) -> None:
+        """Begin to show the line below, and what others print, above it."""
+        self._live.start()
+
+    def stop(self) -> None:
+        """End that."""
+        self._live.stop()
+
+    def print(self, *parts: str | tuple[str, str]) -> None:
+        """Write a line of texts, each with its style or plain."""
+        self._console.print(Text.assemble(*parts))
+
+    def show(self, line: str) -> None:
+        """Draw the line below, cut off where the terminal ends."""
+        self._live.update(Text(line, no_wrap=True, overflow="ellipsis"), refresh=True)
+
+
+# A line that is shown again and again in one place of a terminal.
+
+WIDTH = 78
+"""Columns of such a line: a longer one would wrap, and could not be written over."""
+
+
+def show_over(line: str, *, err: bool = False) -> None:
+    """Show ``line``, as far as it fits, in the place of the one before; on stderr if ``err``."""
+    click.echo(f"\r\x1b[K{printable(line)[:WIDTH]}", nl=False, file=terminal(sys.stderr if err else sys.stdout))

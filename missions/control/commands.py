@@ -1,0 +1,191 @@
+"""What a client may ask of a run, over the studio or over the run's own control socket.
+
+A command is a JSON object ``{"do": word, "id": number, ...}``. It is answered with the same ``id``; one without an id
+is answered only where something is wrong with it.
+"""
+
+from typing import Annotated, ClassVar, Literal
+
+from drivers.api.quick import dataclass
+from missions.control.form import Bound
+
+KEY = "do"
+"""The member that has the word of a command."""
+
+LARGEST = 64 * 1024
+"""Bytes of a command, at most."""
+
+Role = Literal["viewer", "operator"]
+"""Who may: a viewer sees, and stops; an operator does all."""
+
+Run = Annotated[str, "Which run, as `runs` names it.", Bound(high=64)]
+Id = Annotated[int | None, "Comes back with the answer.", Bound(-(2**53), 2**53)]
+Number = Annotated[
+    int, "Counts the commands of this driver, upwards; at one not higher than the last the base stops.", Bound(0, 2**53)
+]
+Stamp = Annotated[
+    int,
+    "The `stamp` of the newest `state` that the driver has seen; the base obeys for 0.5 s from that.",
+    Bound(0, 2**53),
+]
+Share = Bound(-1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """A command. ``role`` is the least that one must be to give it."""
+
+    word: ClassVar[str] = ""
+    role: ClassVar[Role] = "operator"
+    id: Id = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OfRun(Command):
+    """A command that a run answers."""
+
+    run: Run = ""
+    by: Annotated[str, "Who asks: the studio puts in the client's name, whatever stands here.", Bound(high=60)] = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Watch(OfRun):
+    """Tell what happens in a run from now on, instead of what was watched of it before; nothing, to watch no more.
+
+    The first message is a `scene` with all that is so far.
+    """
+
+    word: ClassVar[str] = "watch"
+    role: ClassVar[Role] = "viewer"
+    state: Annotated[bool, "Whether `state` comes."] = True
+    events: Annotated[bool, "Whether `events` come: all of them, as `mission run --events` writes them."] = False
+    pictures: Annotated[float, "So many `picture`s a second at most.", Bound(0.0, 30.0)] = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen(OfRun):
+    """The picture of this time has been shown: while two are on their way, no third one comes."""
+
+    word: ClassVar[str] = "seen"
+    role: ClassVar[Role] = "viewer"
+    t: Annotated[float, "That of the picture."]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stop(OfRun):
+    """Latch every actuator still and pause the mission, until `release`. Without a run, all runs of this machine."""
+
+    word: ClassVar[str] = "stop"
+    role: ClassVar[Role] = "viewer"
+    press: Annotated[
+        str, "Any text, another one at each press: sent again, or by two ways, it counts once.", Bound(high=60)
+    ] = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Release(OfRun):
+    """End a latched stop. The mission stays paused until `resume`."""
+
+    word: ClassVar[str] = "release"
+    stop: Annotated[int, "Which stop, as `state` counts them in `stops`: not one that nobody has seen."]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pause(OfRun):
+    """Tick no more; the mission keeps its place, and its actuators hold still."""
+
+    word: ClassVar[str] = "pause"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Resume(OfRun):
+    """Go on after `pause`; not while a stop is latched."""
+
+    word: ClassVar[str] = "resume"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step(OfRun):
+    """Tick once while paused."""
+
+    word: ClassVar[str] = "step"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Halt(OfRun):
+    """End the mission: its behaviours halt, the robot comes to rest, and the run is over."""
+
+    word: ClassVar[str] = "halt"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault(OfRun):
+    """Let something go wrong with a run in simulated time, in the words of test files: `camera frozen for 2 s`."""
+
+    word: ClassVar[str] = "fault"
+    what: Annotated[str, "What goes wrong, and for how long; for good where nothing is said.", Bound(high=200)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Faulty(OfRun):
+    """Answer with `examples` of what can go wrong, in the words that `fault` takes; none but in simulated time.
+
+    `command` is then what to type for the same run in simulated time.
+    """
+
+    word: ClassVar[str] = "faults"
+    role: ClassVar[Role] = "viewer"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tuned(OfRun):
+    """Answer with what of the robot may be changed while it runs, and how it is: trims, speeds, limits of joints."""
+
+    word: ClassVar[str] = "tuning"
+    role: ClassVar[Role] = "viewer"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tune(OfRun):
+    """Change one of these until the run ends, within what the robot file lets; joints obey from their next goal on."""
+
+    word: ClassVar[str] = "tune"
+    name: Annotated[str, "As `tuning` names it: `head.pan.trim`.", Bound(high=200)]
+    value: Annotated[float, "In SI units and radians.", Bound(-1e6, 1e6)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Take(OfRun):
+    """Take the wheels; where another driver has them, ask that one for them."""
+
+    word: ClassVar[str] = "take"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Give(OfRun):
+    """Let go of the wheels, or ask for them no more. They go to who has asked for them first."""
+
+    word: ClassVar[str] = "give"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drive(OfRun):
+    """Drive for 0.3 s, at most until 0.5 s after the state of its `stamp`, with the wheels. Both 0: stand still."""
+
+    word: ClassVar[str] = "drive"
+    n: Number
+    stamp: Stamp
+    ahead: Annotated[float, "The share of the speed, positive ahead.", Share]
+    left: Annotated[float, "The share of the turn rate, positive to the left.", Share]
+    pace: Annotated[float, "The share of the robot's limits that a share of 1 is.", Bound(0.05, 1.0)] = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Look(OfRun):
+    """Turn the head on, if one has the wheels, the state is as young as for `drive`, and the mission moves no head."""
+
+    word: ClassVar[str] = "look"
+    n: Number
+    stamp: Stamp
+    left: Annotated[float, "The share of 60 deg/s by which the head turns, positive to the left.", Share]
+    down: Annotated[float, "The same downwards.", Share]

@@ -1,0 +1,207 @@
+"""Who of those that are connected to a run drives it, and which of their commands still count."""
+
+from collections import OrderedDict
+from collections.abc import Callable
+from math import inf, radians
+from secrets import randbits
+
+from drivers.api import Base, Head
+from drivers.clock import Clock
+from missions.control.commands import Drive, Look
+from missions.control.form import BadMessage
+from missions.control.pilot import MAX_STATE_AGE, Pilot, Push
+
+# Stamps of the states that a run sends, by which it knows how old the state behind a drive command is.
+
+STAMP_BITS = 53
+"""Bits of a stamp: JavaScript has no larger whole numbers."""
+
+KEPT_TIME = 10.0
+"""Seconds for which the age of a stamp is known."""
+
+MAX_KEPT_STAMPS = 1024
+
+
+class StateStamps:
+    """Draws a stamp for each state, and remembers when it was issued. For one thread.
+
+    Stamps are drawn by chance, not counted: a client cannot name one that it has not received. Only this clock is
+    read, so that clocks of clients do not matter.
+    """
+
+    def __init__(self, clock: Clock, draw: Callable[[], int] = lambda: randbits(STAMP_BITS)) -> None:
+        self._clock, self._draw = clock, draw
+        self._issued: OrderedDict[int, float] = OrderedDict()
+
+    def issue(self) -> int:
+        """Return the stamp of a state that is sent now."""
+        now = self._clock.now()
+        while self._issued and (len(self._issued) >= MAX_KEPT_STAMPS or now - self._oldest > KEPT_TIME):
+            self._issued.popitem(last=False)
+        stamp = self._draw()
+        while stamp in self._issued:
+            stamp = self._draw()
+        self._issued[stamp] = now
+        return stamp
+
+    def issued_at(self, stamp: int) -> float | None:
+        """Return when a stamp was issued, by the clock of this run; None for one unknown or forgotten."""
+        return self._issued.get(stamp)
+
+    @property
+    def _oldest(self) -> float:
+        return next(iter(self._issued.values()))
+
+
+HEAD_SPEED = radians(60)
+"""How fast the head turns with the stick pushed all the way, in rad/s."""
+
+RELEASE = "mission stop --release, or “Hold to release” on the page"
+"""What to do where a stop is latched."""
+
+LONGEST_TURN = 0.1
+"""Seconds that a command turns the head for at most."""
+
+
+class Wheels:
+    """Gives the wheels of a run to one driver at a time, and passes on what that one commands. For one thread.
+
+    Drivers are known by any key. Raises BadMessage, with the name of the mistake, for what does not count.
+    """
+
+    def __init__(self, base: Base | None, head: Head | None, clock: Clock) -> None:
+        self._base, self._has_head = base, head is not None
+        self._pilot = None if base is None else Pilot(base, head)
+        self._clock = clock
+        self._driver: object | None = None
+        self._names: dict[object, str] = {}  # of the driver, and of those who ask, in their order
+        self._stamps = StateStamps(clock)
+        self._number = -1
+        self._state_at = -inf  # when the newest state was issued that the driver has seen
+        self._looked = -inf
+        self._lost = self._moving = False
+        self.round_trip = 0.0
+        """How old (s) the state behind the driver's last command was; 0 where there is none."""
+
+    @property
+    def ends_at(self) -> float:
+        """When the base is to stop, as the state behind the command in force is too old then; inf where it stands."""
+        return self._state_at + MAX_STATE_AGE if self._moving and not self._lost else inf
+
+    def stamp(self) -> int:
+        """Return the stamp of a state that is sent now."""
+        return self._stamps.issue()
+
+    def check(self, now: float) -> None:
+        """Stop the base if the state behind the command in force is too old."""
+        if now >= self.ends_at:
+            self._let_go()
+
+    @property
+    def driver(self) -> str:
+        """The name of who drives; empty for nobody."""
+        return "" if self._driver is None else self._names[self._driver]
+
+    @property
+    def asking(self) -> list[str]:
+        """The names of those who ask for the wheels, in their order."""
+        return [name for key, name in self._names.items() if key is not self._driver]
+
+    def knows(self, key: object) -> bool:
+        """Say whether one drives, or asks for the wheels."""
+        return key in self._names
+
+    def take(self, key: object, name: str) -> bool:
+        """Give the wheels to who asks, or note that they are asked for; say whether they are given."""
+        if self._pilot is None:
+            raise BadMessage("no_base", "this run has no base to drive")
+        self._names[key] = name
+        if self._driver is None or self._driver is key:
+            self._let_go()
+            self._hand_to(key)  # to the same one anew: it may count its commands from 0 again
+        return self._driver is key
+
+    def give(self, key: object) -> None:
+        """Take the wheels from who has had enough, or has gone: the base stops at once, and the next one has them."""
+        self._names.pop(key, None)
+        if self._driver is key:
+            self._let_go()
+            self._hand_to(next(iter(self._names), None))
+
+    def drive(self, key: object, command: Drive) -> None:
+        """Drive as commanded, for ``COMMAND_LIFE``, and no longer than until ``ends_at``."""
+        pilot, base, _ = self._owned(key, command)
+        still = command.ahead == 0 and command.left == 0
+        self._lost, self._moving = self._lost and not still, not still
+        if self._lost:
+            pilot.steer(None)
+            raise _not_let_go()
+        if base.latched:
+            raise BadMessage("stopped", base.latched, RELEASE)
+        pilot.ahead = pilot.turn = command.pace
+        pilot.steer(None if still else Push(float(command.ahead), float(command.left)))
+        if pilot.trouble:
+            raise BadMessage("device", pilot.trouble)
+
+    def look(self, key: object, command: Look) -> None:
+        """Turn the head on, as far as a command may."""
+        pilot, _, now = self._owned(key, command)
+        if not self._has_head:
+            raise BadMessage("no_base", "this run has no head to turn")
+        if self._lost and (command.left or command.down):
+            raise _not_let_go()
+        seconds = min(now - self._looked, LONGEST_TURN)
+        self._looked = now
+        pilot.look(command.left * HEAD_SPEED * seconds, command.down * HEAD_SPEED * seconds)
+        if pilot.trouble:
+            raise BadMessage("device", pilot.trouble)
+
+    def stop(self) -> None:
+        """A stop was latched: nothing of before is in force."""
+        self._let_go()
+
+    def _owned(self, key: object, command: Drive | Look) -> tuple[Pilot, Base, float]:
+        """Return with what and when to do a command, if it counts; at one that does not the base stops."""
+        now = self._clock.now()
+        if self._pilot is None or self._base is None:
+            raise BadMessage("no_base", "this run has no base to drive")
+        if self._driver is not key:
+            who = f"{self.driver} drives" if self._driver is not None else "nobody has taken the wheels"
+            raise BadMessage("no_wheels", who, "take")
+        self.check(now)
+        number, self._number = self._number, max(self._number, command.n)
+        if command.n <= number:
+            self._pilot.steer(None)
+            raise BadMessage("out_of_order", f"number {command.n} comes after {number}: the base stops")
+        self._check_state(command.stamp, now)
+        return self._pilot, self._base, now
+
+    def _check_state(self, stamp: int, now: float) -> None:
+        """Raise BadMessage and stop the base unless the state behind a command is young, and none before the last."""
+        issued = self._stamps.issued_at(stamp)
+        if issued is not None:
+            self.round_trip = now - issued
+        if issued is None or now - issued >= MAX_STATE_AGE:
+            self._let_go()
+            age = f"over {KEPT_TIME:g} s old, or not of this run" if issued is None else f"{now - issued:.1f} s old"
+            more = f"the state behind the command is {age}: the base stops ({MAX_STATE_AGE:g} s at most)"
+            raise BadMessage("stale", more, "let go, and drive once the link is quicker")
+        if issued < self._state_at:
+            self._let_go()
+            raise BadMessage("out_of_order", "its state is older than that of the last command: the base stops")
+        self._state_at = issued
+
+    def _let_go(self) -> None:
+        if self._pilot is not None:
+            self._pilot.steer(None)
+        self._lost = True
+
+    def _hand_to(self, key: object | None) -> None:
+        self._driver = key
+        self._number, self._state_at = -1, -inf
+        self._lost = self._moving = False
+        self.round_trip = 0.0
+
+
+def _not_let_go() -> BadMessage:
+    return BadMessage("let_go", "the base has stopped, as commands or states were late", "let go, and begin anew")

@@ -1,0 +1,360 @@
+"""Movements out of files: a gesture, a spreadsheet of joint angles, or a sheet of which a move file says what it means.
+
+A sheet alone has a column for every joint, headed by its name, in radians or with its unit behind it, and a row for
+every moment; a column ``time`` (s), or the rate of the rows, says when they are. For all else: ``config.move``. Moves
+of pypot and of dynamixel_workbench are read as such sheets.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from math import acos, dist, radians
+from pathlib import Path
+from typing import Any
+
+from config.faults import Diagnostic, InvalidFileError, Mark, Source, closest, one_of
+from config.foreign import foreign_file, plain_data
+from config.gesture import beyond, gesture_of
+from config.library import PLAYED, SHEETS, kinds_of
+from config.marked import read_source
+from config.move import JointSource, MoveConfig, is_move, move_of
+from config.reading import read_regular
+from drivers.api import Gesture, Keyframe
+from drivers.api.sections import ArmKeys
+from drivers.servos.declared import DynamixelKeys
+from missions.library.moves.sheet import TIME, TIME_NAMES, Sheet, heading_of, joint_called, read_sheet, time_unit
+
+# Angles of limbs out of points of a body, by the law of cosines, as fine as a servo can tell them apart.
+
+Point = tuple[float, ...]
+"""Where a point of a body is, in one unit of length; two or three coordinates."""
+
+SAME = 1e-9
+"""Two points that are nearer than this share of a limb's length are one: there is no angle between them."""
+
+
+def angle_at(before: Point, joint: Point, behind: Point) -> float:
+    """Return the angle at ``joint`` (rad), 0 where the limb is folded and pi where it is stretched.
+
+    In a triangle, the square over one side is the sum of the other two's, less twice the product of these two sides and
+    the cosine of the angle between them. Raises ValueError where ``joint`` is where one of the others is.
+    """
+    near, far, across = dist(joint, before), dist(joint, behind), dist(before, behind)
+    if min(near, far) <= SAME * max(near, far):
+        raise ValueError("two of its points are in one place")
+    cosine = (near**2 + far**2 - across**2) / (2 * near * far)
+    return acos(min(max(cosine, -1.0), 1.0))  # rounding may carry it past either end
+
+
+def steadied(angles: Iterable[float], resolution: float) -> list[float]:
+    """Return ``angles`` in which a change of less than ``resolution`` is none: the one before stands on.
+
+    So a servo is not sent to and fro by noise that is finer than its own steps.
+    """
+    kept: list[float] = []
+    for angle in angles:
+        kept.append(angle if not kept or abs(angle - kept[-1]) >= resolution else kept[-1])
+    return kept
+
+
+# Movements as other programs keep them: pypot, dynamixel_workbench, RoboPlus. Each becomes a sheet.
+
+MAX_BYTES = 5_000_000
+
+LAST = 1023
+"""The highest step of the servos that RoboPlus moves."""
+
+
+def sheet_of(path: Path, form: str, arm: ArmKeys | None) -> Sheet:
+    """Return a movement as a sheet of its joints. Raises InvalidFileError for one that cannot be understood.
+
+    pypot has degrees and speeds by motor and by seconds; dynamixel_workbench radians in the order of its joints;
+    RoboPlus steps of servos by their IDs, which are joints of the ``arm``.
+    """
+    try:
+        if form == "roboplus":
+            frames = _roboplus(read_regular(path, MAX_BYTES).decode("latin-1"), arm)
+        else:
+            data = plain_data(path)
+            frames = _pypot(data) if form == "pypot" else _workbench(data)
+    except (OSError, ArithmeticError, ValueError, TypeError, LookupError, AttributeError) as error:
+        raise InvalidFileError(
+            [Diagnostic(Source(str(path), ""), Mark(), f"its frames cannot be understood: {error}")]
+        ) from error
+    joints = list(dict.fromkeys(joint for frame in frames.values() for joint in frame))
+    if not joints:
+        raise InvalidFileError([Diagnostic(Source(str(path), ""), Mark(), "there is no frame in it")])
+    sheet = Sheet(str(path), 1, headings={name: column for column, name in enumerate((TIME, *joints), 1)})
+    pose: dict[str, float] = {}
+    for frame in reversed(frames.values()):  # a motor that is named later stands there until then
+        pose = {**pose, **frame}
+    for time, frame in frames.items():
+        pose = {**pose, **frame}
+        sheet.rows.append((1, [time, *(pose[joint] for joint in joints)]))
+    return sheet
+
+
+def _pypot(data: Mapping[str, Any]) -> dict[float, dict[str, float]]:
+    """Return degrees by motor, by time (s): a motor has its angle, or its angle and its speed."""
+    rows = data["positions"]
+    if isinstance(rows, list):  # as older versions keep them
+        rows = {number / float(data["framerate"]): row for number, row in enumerate(rows)}
+    found = {
+        float(time): {motor: float(it[0] if isinstance(it, list) else it) for motor, it in motors.items()}
+        for time, motors in rows.items()
+    }
+    return dict(sorted(found.items()))
+
+
+def _workbench(data: Mapping[str, Any]) -> dict[float, dict[str, float]]:
+    """Return radians by joint, by time (s) from the start."""
+    joints, motion = data["joint"]["names"], data["motion"]
+    steps = [motion[name] for name in motion["names"]]
+    return {float(step["time_from_start"]): dict(zip(joints, map(float, step["step"]), strict=True)) for step in steps}
+
+
+def _roboplus(text: str, arm: ArmKeys | None) -> dict[float, dict[str, float]]:
+    """Return radians by joint, by time (s), of the one page of a motion file of RoboPlus.
+
+    A step has a position for each ID from 0 on, how long it stays there, and how long it takes to get there (s).
+    """
+    if not isinstance(arm, DynamixelKeys):
+        raise ValueError("its servos are told by their IDs: name a robot with Dynamixels (--robot FILE)")
+    lines = [line.strip().partition("=") for line in text.splitlines()]
+    used = next(([flag == "1" for flag in value.split()] for key, _, value in lines if key == "enable"), [])
+    joints = {joint.id: (name, joint) for name, joint in arm.servos.items()}
+    if missing := [number for number, on in enumerate(used) if on and number not in joints]:
+        raise ValueError(f"no joint of the arm has the ID {' or '.join(map(str, missing))}, which it moves")
+    frames: dict[float, dict[str, float]] = {}
+    time = 0.0
+    rate, steps = _page(lines)
+    for step in steps:
+        *places, pause, takes = (*step[:-2], step[-2] / rate, step[-1] / rate)
+        pose = {}
+        for number, place in enumerate(places[: len(used)]):
+            if used[number]:
+                name, joint = joints[number]
+                if joint.kind.last != LAST:
+                    raise ValueError(f"servo {number} is an {joint.model}: it has not the {LAST + 1} steps of an AX")
+                if not 0 <= place <= joint.kind.last:
+                    raise ValueError(f"servo {number}, an {joint.model}, has no step {place:g}")
+                pose[name] = (joint.kind.angle(place) - joint.zero) * (-1 if joint.reverse else 1)
+        time += takes
+        frames[time] = pose
+        if pause > 0:
+            time += pause
+            frames[time] = pose
+    return frames
+
+
+def _page(lines: list[tuple[str, str, str]]) -> tuple[float, list[list[float]]]:
+    """Return how much faster it is played, and the steps, of the one page that has any.
+
+    Raises ValueError for several pages, with their names.
+    """
+    pages: list[dict[str, Any]] = []
+    for key, _, value in lines:
+        if key == "page_begin":
+            pages.append({"name": "", "rate": 1.0, "steps": []})
+        elif key == "name" and pages:
+            pages[-1]["name"] = value
+        elif key == "play_param" and pages:  # the next page, the exit page, repeats, the rate, the inertia
+            pages[-1]["rate"] = float(value.split()[3])
+        elif key == "step" and pages:
+            pages[-1]["steps"].append([float(number) for number in value.split()])
+    moving = [page for page in pages if page["steps"]]
+    if len(moving) != 1:
+        names = ", ".join(f"'{page['name']}'" for page in moving[:10])
+        raise ValueError(f"it has {len(moving)} pages ({names}): keep one of them in a copy of the file")
+    if not 0.05 <= moving[0]["rate"] <= 20:
+        raise ValueError(f"it is to be played {moving[0]['rate']:g} times as fast")
+    return moving[0]["rate"], moving[0]["steps"]
+
+
+# The rows of a sheet as keyframes: every column, or every three points of a body, becomes the angles of a joint.
+
+
+def played(sheet: Sheet, move: MoveConfig, *, rate: float | None, arm: ArmKeys | None) -> Gesture:
+    """Return the movement that ``move`` makes of ``sheet``. Raises InvalidFileError with every mistake in the sheet.
+
+    ``rate`` and ``arm`` as for ``missions.library.moves.load.load_move``.
+    """
+    _check_headings(sheet, move, arm)
+    times = _times(sheet, move.rate or rate)
+    joints = {joint: list(_angles(sheet, move, joint, source)) for joint, source in move.joints.items()}
+    if not sheet.faults and arm is not None:
+        for joint, angles in joints.items():
+            _check_reach(sheet, joint, move, angles, arm)
+    sheet.refuse()
+    steady = [steadied(angles, _dead_band(move, joint, arm)) for joint, angles in joints.items()]
+    poses = (dict(zip(joints, angles, strict=True)) for angles in zip(*steady, strict=True))
+    keyframes = tuple(Keyframe(time, pose) for time, pose in zip(times, poses, strict=True))
+    return Gesture(move.name, move.summary, keyframes, "cubic")
+
+
+def _check_headings(sheet: Sheet, move: MoveConfig, arm: ArmKeys | None) -> None:
+    """Raise InvalidFileError for columns that are asked for and not there, and for joints that the arm lacks."""
+    for joint, source in move.joints.items():
+        for heading in source.headings:
+            if heading not in sheet.headings:
+                what = f"there is no column '{heading}', of which joint '{joint}' is made"
+                sheet.fault(sheet.top, 1, what, one_of(heading, sheet.headings))
+        if arm is not None and joint not in arm.reaches:
+            column = sheet.headings.get(source.column, 1)
+            sheet.fault(sheet.top, column, f"there is no joint '{joint}'", _meant(source.column or joint, arm))
+    if not move.joints:
+        sheet.fault(sheet.top, 1, "there is no column of a joint")
+    _check_units(sheet, move)
+    sheet.refuse()
+
+
+def _check_units(sheet: Sheet, move: MoveConfig) -> None:
+    """Note columns without a unit beside others in degrees: they would be radians, and hardly are."""
+    columns = {joint: source.column for joint, source in move.joints.items() if source.points is None}
+    units = {joint: heading_of(column, move.joints).unit for joint, column in columns.items()}
+    in_degrees = [joint for joint, unit in units.items() if unit == "deg"]
+    for joint, column in columns.items():
+        if in_degrees and not units[joint] and not move.degrees:
+            hint = f"head it '{column} (deg)' or '{column} (rad)', as its angles are"
+            what = f"'{column}' has no unit, and '{columns[in_degrees[0]]}' has degrees"
+            sheet.fault(sheet.top, sheet.headings.get(column, 1), what, hint)
+
+
+def _meant(heading: str, arm: ArmKeys) -> str:
+    """Return which joint a heading may mean, with its unit: without one its angles would be radians."""
+    name, unit = heading_of(heading)
+    if name.lower() in TIME_NAMES:
+        return "a column of times is headed 'time (s)' or 'time (ms)'"
+    if name.endswith(("_x", "_y", "_z")):
+        return "a move file says of which points a joint is made"
+    if close := joint_called(name, arm.reaches) or closest(name, arm.reaches):
+        if unit in ("deg", "rad"):
+            return f"did you mean '{close} ({unit})'?"
+        if name.lower().startswith(close.lower()) and not joint_called(name, arm.reaches):  # a unit or kind behind it
+            return f"a column of it is headed '{close} (deg)' or '{close} (rad)', and has its angles in that unit"
+        return f"did you mean '{close}'? without a unit it has radians: '{close} (deg)' has degrees"
+    return one_of(name, arm.reaches)
+
+
+def _times(sheet: Sheet, rate: float | None) -> list[float]:
+    """Return when each row is (s), the first at 0."""
+    column = time_column(sheet)
+    if not column:
+        if rate is None:
+            hint = "give the rate of its rows, or add a column 'time' (in seconds)"
+            sheet.fault(sheet.top, 1, "it does not say when its rows are", hint)
+        return [number / (rate or 1.0) for number in range(len(sheet.rows))]
+    second = 1000.0 if time_unit(column) == "ms" else 1.0
+    times, mistakes = [time / second for time in sheet.numbers(column)], len(sheet.faults)
+    for (row, _), (before, time) in zip(sheet.rows[1:], pairwise(times), strict=True):
+        if time <= before and not mistakes:
+            sheet.fault(row, sheet.headings[column], f"{time:g} s is not later than the {before:g} s of the row before")
+    return [time - times[0] for time in times]
+
+
+def time_column(sheet: Sheet) -> str:
+    """Return the heading of the column of times; empty without one."""
+    return next((heading for heading in sheet.headings if time_unit(heading)), "")
+
+
+def _in_degrees(move: MoveConfig, source: JointSource) -> bool:
+    """Say whether a column has degrees: as its heading says, else the move file."""
+    unit = heading_of(source.column, move.joints).unit
+    return unit == "deg" if unit in ("deg", "rad") else move.degrees
+
+
+def _angles(sheet: Sheet, move: MoveConfig, joint: str, source: JointSource) -> Iterator[float]:
+    """Yield the angles (rad) of a joint, row by row."""
+    if source.points is None:
+        unit = radians(1) if _in_degrees(move, source) else 1.0
+        found = [unit * value for value in sheet.numbers(source.column)]
+    else:
+        found = _bends(sheet, joint, source)
+    return (source.sign * angle + source.offset for angle in found)
+
+
+def _bends(sheet: Sheet, joint: str, source: JointSource) -> list[float]:
+    """Return the angle at the middle one of three points in every row; a limb without length is a fault."""
+    columns = [sheet.numbers(heading) for heading in source.headings]
+    axes = len(source.plane)
+    angles, problems = [], []
+    for (row, _), *coordinates in zip(sheet.rows, *columns, strict=True):
+        before, middle, behind = (tuple(coordinates[start : start + axes]) for start in (0, axes, 2 * axes))
+        try:
+            angles.append(angle_at(before, middle, behind))
+        except ValueError as error:
+            angles.append(0.0)
+            problems.append((row, f"joint '{joint}': {error}"))
+    if not sheet.faults:  # a cell without a number has one by now, and is no point
+        _note(sheet, source, problems)
+    return angles
+
+
+def _check_reach(sheet: Sheet, joint: str, move: MoveConfig, angles: Sequence[float], arm: ArmKeys) -> None:
+    """Note angles beyond the joint's limits."""
+    limits, source, hint = arm.reaches[joint], move.joints[joint], ""
+    found = [(row, beyond(joint, angle, limits)) for (row, _), angle in zip(sheet.rows, angles, strict=True)]
+    if source.points is None and not _in_degrees(move, source):
+        smaller = [radians(angle - source.offset) + source.offset for angle in angles]
+        if not any(beyond(joint, angle, limits) for angle in smaller):
+            hint = f"are these degrees? then head the column '{joint} (deg)'"
+    _note(sheet, source, [(row, problem) for row, problem in found if problem], hint)
+
+
+def _note(sheet: Sheet, source: JointSource, problems: Sequence[tuple[int, str]], hint: str = "") -> None:
+    """Note the first problem of a joint, and how many more rows have one: where one has, mostly many do."""
+    if problems:
+        row, problem = problems[0]
+        others = len(problems) - 1
+        more = f", and so in {others} more {'row' if others == 1 else 'rows'}" if others else ""
+        headings = source.headings  # the column, or the first of the middle point
+        sheet.fault(row, sheet.headings[headings[len(headings) // 3]], problem + more, hint)
+
+
+def _dead_band(move: MoveConfig, joint: str, arm: ArmKeys | None) -> float:
+    """Return the change (rad) below which a joint is not moved."""
+    if move.dead_band is not None or arm is None:
+        return move.dead_band or 0.0
+    return arm.step(joint)
+
+
+def load_move(path: Path, *, rate: float | None = None, arm: ArmKeys | None = None) -> Gesture:
+    """Read a movement. ``rate`` is that of a sheet's rows (Hz), where neither it nor its move file says when they are.
+
+    With an ``arm``, it can move no other joints, and none beyond its limits; and what moves a joint by less than a step
+    of its servo is no movement. Raises InvalidFileError with every mistake, at its line or its row and column.
+    """
+    if path.suffix.lower() in SHEETS:
+        sheet = read_sheet(path)
+        return played(sheet, _of_headings(sheet, path, arm), rate=rate, arm=arm)
+    foreign = None if kinds_of(path) else foreign_file(path)
+    if foreign is not None and foreign.form in PLAYED:
+        sheet = sheet_of(path, foreign.form, arm)
+        return played(sheet, _of_headings(sheet, path, arm, in_degrees=foreign.form == "pypot"), rate=None, arm=arm)
+    source = read_source(path)
+    if not is_move(source):
+        return gesture_of(source, None if arm is None else arm.reaches).movement
+    move = move_of(source, path.parent, None if arm is None else arm.reaches)
+    return played(read_sheet(move.sheet, move.tab), move, rate=rate, arm=arm)
+
+
+def _of_headings(sheet: Sheet, path: Path, arm: ArmKeys | None, *, in_degrees: bool = False) -> MoveConfig:
+    """Take every column for a joint; a unit behind its name is that of its angles.
+
+    Raises InvalidFileError for a unit that is none of an angle, and for two columns of one joint.
+    """
+    joints: dict[str, JointSource] = {}
+    reaches = {} if arm is None else arm.reaches
+    times = time_column(sheet)
+    for heading, column in sheet.headings.items():
+        name, unit = heading_of(heading, reaches)
+        if heading == times:
+            continue
+        if unit not in ("", "deg", "rad") and name.lower() not in TIME_NAMES:
+            hint = f"write '{name} (deg)' or '{name} (rad)', and its angles in that unit"
+            sheet.fault(sheet.top, column, f"'{unit}' is not a unit of angle", hint)
+        joint = (joint_called(name, reaches) or name) if unit in ("deg", "rad") else heading
+        if joint in joints:
+            sheet.fault(sheet.top, column, f"joint '{joint}' has a column already: '{joints[joint].column}'")
+        joints[joint] = JointSource(column=heading)
+    sheet.refuse()
+    return MoveConfig(path.stem, sheet.remark, path, joints, degrees=in_degrees)

@@ -1,0 +1,332 @@
+"""Spreadsheets as columns of numbers under headings, every mistake with the row and column that it is in.
+
+``.csv`` is separated by commas, semicolons or tabs; ``.xls``, ``.xlsx`` and ``.ods`` need the extra ``sheets``. Rows
+that begin with ``#`` are remarks; the first of the others has the headings.
+"""
+
+import csv
+import io
+import json
+import os
+import re
+import resource
+import subprocess
+import sys
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
+from math import isfinite
+from pathlib import Path
+from typing import NamedTuple
+
+from config.faults import Diagnostic, InvalidFileError, Mark, Source, note, one_of
+from config.library import SHEETS
+from config.marked import read_source
+from config.reading import note_read, open_regular
+from config.units import seen
+
+# Headings of a sheet: the name of a joint, or of the times, and the unit that stands behind it.
+
+UNITS = {
+    **dict.fromkeys(("deg", "degs", "degree", "degrees", "°", "º", "grad"), "deg"),
+    **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"),
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden"), "s"),
+    **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds", "millisekunde", "millisekunden"), "ms"),
+}
+"""Units as people write them, English and German, and what each means."""
+
+TIME = "time"
+"""The heading of the column that says when a row is, in seconds unless it says another unit."""
+
+TIME_NAMES = (TIME, "t", "zeit", "timestamp", "seconds", "sekunden")
+"""Names of such columns; all but the first need their unit."""
+
+_BRACKETS = re.compile(r"(.*?)\s*[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]\s*")
+_BEHIND = re.compile(r"(.*?)(?:[\s_,;:/.-]+(?:in\s+)?([A-Za-z]+)|\s*([°º]))\s*")
+
+
+class Heading(NamedTuple):
+    """A heading taken apart: ``unit`` is deg, rad, s or ms, as written for one that is none of these, or empty."""
+
+    name: str
+    unit: str
+
+
+def heading_of(text: str, names: Collection[str] = ()) -> Heading:
+    """Take a heading apart; one that is among the ``names`` has no unit."""
+    if text in names:
+        return Heading(text, "")
+    if found := _BRACKETS.fullmatch(text):
+        unit = found[2].lower().rstrip(".")
+        return Heading(found[1].strip(), UNITS.get(unit, unit))
+    if found := _BEHIND.fullmatch(text):
+        unit = UNITS.get((found[2] or found[3]).lower(), "")
+        if unit in ("deg", "rad") or (unit and found[1].strip().lower() in TIME_NAMES):
+            return Heading(found[1].strip(" _,;:/.-"), unit)
+    return Heading(text, "")
+
+
+def joint_called(name: str, joints: Collection[str]) -> str:
+    """Return the joint that a heading means, in whatever case and with whatever between its words; empty for none."""
+    if name in joints:
+        return name
+    spelt = {joint.lower(): joint for joint in joints}
+    return spelt.get(re.sub(r"[\s./-]+", "_", name.strip()).lower(), "")
+
+
+def time_unit(text: str) -> str:
+    """Return the unit of a column of times, s or ms; empty for any other column."""
+    name, unit = heading_of(text)
+    if name.lower() == TIME and unit in ("", "s", "ms"):
+        return unit or "s"
+    return unit if name.lower() in TIME_NAMES and unit in ("s", "ms") else ""
+
+
+def is_unit(text: str) -> bool:
+    """Say whether a cell is the name of a unit, with or without brackets."""
+    return text.strip("()[]{}<> .").lower() in UNITS
+
+
+# Reads one sheet of a workbook in a process of its own, and prints it as JSON: ``python workbook.py FILE [SHEET]``.
+#
+# The library that reads workbooks ends its process over some that are damaged, and may ask for any amount of memory.
+# What is printed is ``{"sheets": [names], "sheet": name, "rows": [[cells], ...]}``, with null for the rows of a sheet
+# that is not there, or ``{"error": why}``. Without a name it is the first sheet that is not hidden.
+
+MEMORY = 2_000_000_000
+"""Bytes that it may take."""
+
+MAX_ROWS = 100_000
+"""One row more is read of a longer sheet."""
+
+
+def main(path: str, sheet: str | None = None) -> None:
+    """Print the sheet, or the first one."""
+    from python_calamine import CalamineError, CalamineWorkbook  # noqa: PLC0415 - an extra
+
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    try:
+        with CalamineWorkbook.from_path(path) as book:
+            names = book.sheet_names
+            visible = [each.name for each in book.sheets_metadata if str(each.visible).endswith(".Visible")]
+            name = next(iter(visible or names), None) if sheet is None else sheet
+            found = book.get_sheet_by_name(name) if name in names else None
+            rows = None if found is None else found.to_python(skip_empty_area=False, nrows=MAX_ROWS + 1)
+        told: dict[str, object] = {"sheets": names, "sheet": name, "rows": rows}
+    except (OSError, CalamineError) as error:
+        told = {"error": str(error)}
+    # Dates and the like are told as texts: they are no numbers, whatever a spreadsheet counts them as.
+    json.dump(told, sys.stdout, default=str)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:3])
+
+
+MAX_BYTES = 20_000_000
+
+READING_TIMEOUT = 60.0
+"""Seconds that a workbook may take to be read."""
+
+_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+(?:[eE][-+]?[0-9]+)?")
+
+_SEPARATOR = re.compile(r"sep=([,;\t])\s*$", re.MULTILINE)
+
+Cell = float | str
+"""A number, or a text; an empty cell is an empty text."""
+
+
+@dataclass(slots=True)
+class Sheet:
+    """A sheet that was read. ``headings`` are columns by name, ``rows`` those under them, each with its number.
+
+    Rows and columns count from 1, as in a spreadsheet. ``faults`` gathers what is wrong.
+    """
+
+    name: str
+    top: int  # the row of the headings
+    tab: str = ""  # its name in the workbook
+    others: Sequence[str] = ()  # further sheets of the workbook
+    headings: dict[str, int] = field(default_factory=dict)
+    rows: list[tuple[int, Sequence[Cell]]] = field(default_factory=list)
+    faults: list[Diagnostic] = field(default_factory=list)
+
+    def fault(self, row: int, column: int, message: str, suggestion: str = "") -> None:
+        """Note a mistake in one cell. Raises InvalidFileError once there are too many to go on."""
+        note(self.faults, Diagnostic(Source(self.name, ""), Mark(row, column), message, suggestion))
+
+    @property
+    def is_workbook(self) -> bool:
+        """Whether it comes from a workbook."""
+        return bool(self.tab)
+
+    @property
+    def remark(self) -> str:
+        """What is said of a workbook with further sheets; empty for others."""
+        others = ", ".join(f"'{name}'" for name in self.others)
+        how = "a move file names another: tab: NAME"
+        return f"sheet '{self.tab}' is read, and not {others}; {how}" if others else ""
+
+    def refuse(self) -> None:
+        """Raise InvalidFileError if there are faults; the first one says which sheet of the workbook was read."""
+        if self.faults and self.others:
+            first = self.faults[0]
+            hint = "; ".join(filter(None, (first.suggestion, self.remark)))
+            self.faults[0] = replace(first, suggestion=hint)
+        if self.faults:
+            raise InvalidFileError(self.faults)
+
+    def numbers(self, heading: str) -> list[float]:
+        """Return the column under ``heading``; a cell without a number is a fault, and 0."""
+        column = self.headings[heading]
+        cells = [(row, cells[column - 1] if column <= len(cells) else "") for row, cells in self.rows]
+        commas = [(row, cell) for row, cell in cells if isinstance(cell, str) and _COMMA.fullmatch(cell)]
+        if commas:
+            row, cell = commas[0]
+            more = f", and {len(commas) - 1} more below it" if len(commas) > 1 else ""
+            self.fault(row, column, f"{seen(cell)} has a decimal comma{more}", "write numbers with a point: 0.25")
+        return [0.0 if (row, cell) in commas else self._number(row, column, cell) for row, cell in cells]
+
+    def _number(self, row: int, column: int, cell: Cell) -> float:
+        found = _value(cell)
+        if found is None:
+            merged = "of merged cells the first one has the value: write it in each" if self.is_workbook else ""
+            self.fault(row, column, *(("an empty cell", merged) if cell == "" else (f"{seen(cell)} is no number", "")))
+        return found or 0.0
+
+
+def read_sheet(path: Path, tab: str | None = None) -> Sheet:
+    """Read a spreadsheet; of a workbook the sheet ``tab``, or the first. Raises InvalidFileError with what is wrong."""
+    kind = path.suffix.lower()
+    if kind not in SHEETS:
+        raise _refused(path, f"no spreadsheet: its name must end in {', '.join(SHEETS)}")
+    name, others = "", list[str]()
+    if kind == ".csv":
+        written = _separated(path)
+    else:
+        written, name, others = _workbook(path, tab)
+    if len(written) > MAX_ROWS:
+        raise _refused(path, f"more than {MAX_ROWS:,} rows")
+    rows = [
+        (number, cells) for number, cells in enumerate(written, 1) if not str(next(iter(cells), "")).startswith("#")
+    ]
+    filled = [place for place, (_, cells) in enumerate(rows) if any(cell != "" for cell in cells)]
+    sheet = Sheet(str(path), rows[filled[0]][0] if filled else 1, name, others)
+    stands = True  # in the way of the rows
+    if len(filled) < 2:
+        sheet.top = 1
+        sheet.fault(1, 1, "it needs a row of headings, and rows of numbers under it")
+    elif _is_title(rows[filled[0]][1], (under := rows[filled[1]])[1]):
+        hint = f"take out what stands above row {under[0]}: the headings come first, each with its unit: 'elbow (deg)'"
+        sheet.fault(sheet.top, 1, "a title, and no row of headings", hint)
+    else:
+        _take_headings(sheet, rows[filled[0]][1])
+        stands = _has_units(sheet, *under)
+    if stands:
+        sheet.refuse()
+    for number, cells in rows[filled[0] + 1 : filled[-1] + 1]:
+        _take_row(sheet, number, cells)
+    sheet.refuse()
+    return sheet
+
+
+def _is_title(first: Sequence[Cell], second: Sequence[Cell]) -> bool:
+    """Say whether the first row is no row of headings: it has one cell alone, or the second row has headings."""
+    texts = [cell for cell in second if cell != "" and _value(cell) is None and not _COMMA.fullmatch(str(cell))]
+    alone = sum(cell != "" for cell in first) == 1 and sum(cell != "" for cell in second) > 1
+    headed = len(texts) > 1 and len(texts) == sum(cell != "" for cell in second)
+    units = [is_unit(str(cell)) for cell in texts]
+    return (alone and not all(units)) or (headed and not any(units))
+
+
+def _has_units(sheet: Sheet, row: int, cells: Sequence[Cell]) -> bool:
+    """Note a row of units under the headings, and say whether there is one."""
+    named = [(heading, str(cells[column - 1])) for heading, column in sheet.headings.items() if column <= len(cells)]
+    units = [(heading, cell) for heading, cell in named if cell and is_unit(cell)]
+    found = bool(units) and all(cell == "" or _value(cell) is None for cell in cells)
+    if found:
+        such = ", ".join(f"'{heading} ({cell.strip('()[] ')})'" for heading, cell in units[:2])
+        sheet.fault(row, 1, "a row of units", f"write each unit behind its heading, as in {such}, and take the row out")
+    return found
+
+
+def _take_headings(sheet: Sheet, cells: Sequence[Cell]) -> None:
+    for column, cell in enumerate(cells, 1):
+        if cell == "":
+            continue
+        if isinstance(cell, float) or _value(cell) is not None:
+            sheet.fault(sheet.top, column, f"{seen(cell)} is no heading", "the first row has the names of the columns")
+        elif cell in sheet.headings:
+            sheet.fault(sheet.top, column, f"the heading {seen(cell)} stands here again")
+        else:
+            sheet.headings[cell] = column
+
+
+def _take_row(sheet: Sheet, row: int, cells: Sequence[Cell]) -> None:
+    filled = [column for column, cell in enumerate(cells, 1) if cell != ""]
+    stray = next((column for column in filled if column not in sheet.headings.values()), None)
+    if not filled:
+        sheet.fault(row, 1, "an empty row", "take it out: every row is a moment")
+    elif stray is not None:
+        hint = "a comma within a number makes two cells of it: write a point"
+        if sheet.is_workbook:
+            hint = "each column needs a heading of its own, also below merged cells"
+        sheet.fault(row, stray, "a cell without a heading", hint)
+    else:
+        sheet.rows.append((row, cells))
+
+
+def _separated(path: Path) -> list[list[Cell]]:
+    """Read a file of separated values: all cells are texts."""
+    text = read_source(path).text
+    first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
+    separator = max(",;\t", key=first.count)
+    if told := _SEPARATOR.match(text):  # a line of Excel's; it becomes a remark
+        separator, text = told[1], f"#{text}"
+    try:
+        rows = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+        return [[cell.strip() for cell in row] for row in rows]
+    except csv.Error as error:
+        raise _refused(path, f"no separated values: {error}") from error
+
+
+def _workbook(path: Path, tab: str | None) -> tuple[list[list[Cell]], str, list[str]]:
+    """Read one sheet of a workbook; return its rows, its name, and the others if nobody has named it."""
+    if find_spec("python_calamine") is None:
+        raise _refused(path, "it needs python-calamine", "pip install 'missiontree[sheets]'")
+    try:
+        with open_regular(path) as file:
+            if os.fstat(file.fileno()).st_size > MAX_BYTES:
+                raise _refused(path, f"larger than {MAX_BYTES:,} bytes")
+        reader = [sys.executable, "-P", __file__, str(path), *([] if tab is None else [tab])]
+        heard = subprocess.run(reader, capture_output=True, check=True, timeout=READING_TIMEOUT)  # noqa: S603 - ourselves
+        note_read(path)
+    except OSError as error:
+        raise _refused(path, f"cannot be read: {error.strerror}") from error
+    except subprocess.SubprocessError as error:
+        raise _refused(path, "no workbook: it is damaged") from error
+    told = json.loads(heard.stdout)
+    if "error" in told:
+        raise _refused(path, f"no workbook: {told['error']}")
+    if told["rows"] is None:
+        raise _refused(path, f"there is no sheet {seen(tab)}", one_of(tab or "", told["sheets"]))
+    others = [name for name in told["sheets"] if name != told["sheet"]] if tab is None else []
+    return [[_cell(value) for value in row] for row in told["rows"]], str(told["sheet"]), others
+
+
+def _cell(value: object) -> Cell:
+    """Return what a cell of a workbook holds; what is neither number nor text (a date, TRUE) as its text."""
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else str(value).strip()
+
+
+def _value(cell: Cell) -> float | None:
+    """Return the finite number that a cell holds, None if it holds none."""
+    try:
+        value = float(cell)
+    except ValueError:
+        return None
+    return value if isfinite(value) and str(cell).isascii() and "_" not in str(cell) else None
+
+
+def _refused(path: Path, message: str, suggestion: str = "") -> InvalidFileError:
+    return InvalidFileError([Diagnostic(Source(str(path), ""), Mark(), message, suggestion)])

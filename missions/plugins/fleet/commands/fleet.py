@@ -1,0 +1,119 @@
+"""``mission fleet``: the robots that `mission serve --fleet` announces, seen, stopped and released from anywhere."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict
+from threading import Event
+
+import click
+
+from missions.cli.columns import in_columns
+from missions.cli.root import FAILURE, SUCCESS
+from missions.plugins.fleet.commands import fleet_tasks
+from missions.plugins.fleet.commands.fleet_tasks import AS_JSON, FLEET, at
+from missions.plugins.fleet.operator import Operator
+from missions.plugins.fleet.roster import Member
+
+WATCH = 0.2
+"""Seconds from one look at the list to the next."""
+
+
+@click.group(epilog="Example: mission fleet list")
+def command() -> None:
+    """See the robots of a fleet, give them tasks, stop them all. `mission serve --fleet NAME` puts each there."""
+
+
+@command.command(name="list", epilog="Example: mission fleet list --watch")
+@FLEET
+@click.option("--watch", is_flag=True, help="Go on, with a new list at each change.")
+@AS_JSON
+def list_command(name: str | None, watch: bool, as_json: bool) -> int:
+    """List the robots: how each is connected, what it does, its battery, and where it is by its own odometry."""
+    with at(name) as operator:
+        operator.meet()
+        _show(operator, as_json=as_json)
+        version, pause = operator.roster.version, Event()
+        while watch:
+            pause.wait(WATCH)
+            if version != operator.roster.version:
+                version = operator.roster.version
+                click.echo()
+                _show(operator, as_json=as_json)
+    return SUCCESS
+
+
+def _show(operator: Operator, *, as_json: bool) -> None:
+    members = sorted(operator.members().values(), key=lambda each: each.address)
+    if as_json:
+        told = [
+            {**asdict(each.address), "connection": each.connection, "state": each.state and asdict(each.state)}
+            for each in members
+        ]
+        click.echo(json.dumps(told))
+        return
+    names = [each.address.name for each in members]
+    rows = [list(_row(each, twice=names.count(each.address.name) > 1)) for each in members]
+    rows += [[name, "OFFLINE", "-", "-", "-", "-", "nobody has met it"] for name in operator.missing()]
+    if not rows:
+        click.echo(f"nobody is in fleet '{operator.fleet.fleet}'\n  try: mission serve --fleet {operator.fleet.fleet}")
+        return
+    headings = ("name", "connection", "robot", "mission", "battery", "at", "state")
+    click.echo(in_columns(headings, rows, left=frozenset(headings)))
+
+
+def _row(member: Member, *, twice: bool) -> Iterator[str]:
+    """Yield the cells of a robot; two of one name are told apart by their numbers."""
+    state = member.state
+    yield str(member.address) if twice else member.address.name
+    yield member.connection
+    if state is None:
+        yield from ("-", "-", "-", "-", "")
+        return
+    yield state.robot + " (simulated)" * state.simulated
+    yield state.mission or "-"
+    yield "-" if state.battery is None else f"{state.battery:.0%}"
+    yield "-" if state.x is None or state.y is None else f"{state.x:.1f} m, {state.y:.1f} m"
+    doing = f"{state.task_state} {state.task}" if state.task_state else "free" if state.free else "busy"
+    yield f"STOPPED by {state.stopped}" if state.stopped else doing
+
+
+@command.command(epilog="Example: mission fleet stop")
+@FLEET
+def stop(name: str | None) -> int:
+    """Stop all robots: each stands still, latched, and begins nothing, until `mission fleet release`.
+
+    Each confirms it; those that do not are named, and were perhaps not reached: go there, or press their stop.
+    """
+    with at(name) as operator:
+        answers, silent = operator.stop()
+    for address, answer in sorted(answers.items()):
+        click.echo(f"{address.name}: {answer.why}")
+    for each in silent:
+        click.echo(f"{each}: DID NOT ANSWER\n  try: mission stop, at that robot", err=True)
+    if not answers and not silent:
+        click.echo("nobody is in this fleet: nobody was stopped\n  try: mission fleet list", err=True)
+        return FAILURE
+    return FAILURE if silent or not all(each.ok for each in answers.values()) else SUCCESS
+
+
+@command.command(epilog="Example: mission fleet release anna")
+@click.argument("robots", nargs=-1, metavar="[ROBOT]...")
+@FLEET
+@click.option("--resume", is_flag=True, help="Let missions go on; else they stay paused.")
+def release(robots: tuple[str, ...], name: str | None, resume: bool) -> int:
+    """Release the stop of all robots, or of those named. A stop that came meanwhile holds.
+
+    NAME/NUMBER is one of two robots of one name, as the list shows them.
+    """
+    with at(name) as operator:
+        answers = operator.release(robots, resume=resume)
+    for address, answer in sorted(answers.items()):
+        click.echo(f"{address.name}: {answer.why}", err=not answer.ok)
+    missing = set(robots) - {each.name for each in answers} - {str(each) for each in answers}
+    for each in sorted(missing):
+        click.echo(f"{each}: did not answer\n  try: mission fleet list", err=True)
+    return SUCCESS if answers and not missing and all(each.ok for each in answers.values()) else FAILURE
+
+
+for each_command in (fleet_tasks.run, fleet_tasks.tasks, fleet_tasks.decide):
+    command.add_command(each_command)

@@ -1,0 +1,178 @@
+"""``mission fleet run``, ``tasks`` and ``decide``: what a fleet is to do, and what becomes of it."""
+
+import json
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from typing import Literal
+
+import click
+
+from behaviours.catalogue import LEAVES
+from config.faults import InvalidFileError
+from config.fleet import FleetKeys, load_fleet
+from config.library import UnknownNameError
+from missions.cli.columns import in_columns
+from missions.cli.numbers import Whole
+from missions.cli.options import params_option
+from missions.cli.root import FAILURE, SUCCESS
+from missions.language.expressions import ExpressionError, parse
+from missions.library.shipped import load_mission
+from missions.plugins.fleet.operator import Operator, operating
+from missions.plugins.fleet.words import MISSION, TASK, Address, Keep, Policy, ToldTask
+from missions.plugins.tasks.task import TaskError
+
+# Being at a fleet for a command of a terminal.
+
+FLEET = click.option("--fleet", "name", metavar="NAME", help="Which fleet; else that of fleet.yaml, or `home`.")
+AS_JSON = click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
+
+
+def fleet_of(name: str | None) -> FleetKeys:
+    """Return the fleet of the user's file, under another name where one is given."""
+    found = load_fleet()
+    return found if name is None else replace(found, fleet=name)
+
+
+@contextmanager
+def at(name: str | None) -> Iterator[Operator]:
+    """Give an operator of a fleet while this is entered; say what is wrong in words."""
+    try:
+        with operating(fleet_of(name)) as operator:
+            yield operator
+    except TaskError as error:
+        hint = f"\n  try: {error.hint}" if error.hint else ""
+        raise click.ClickException(f"{error}{hint}") from error
+
+
+READ = frozenset({"battery", "x", "y", "name", "robot", "parts", "simulated"})
+"""What `--where` may read of a robot."""
+
+
+@click.command(epilog='Example: mission fleet run greet --on any --where "battery > 40 %"')
+@click.argument("mission")
+@params_option
+@FLEET
+@click.option("--on", default="any", show_default=True, metavar="NAME", help="Which robot: a name, `any` or `all`.")
+@click.option("--where", default="", metavar="CONDITION", help='How it has to be: "battery > 40 %", "x < 3 m".')
+@click.option(
+    "--if-interrupted",
+    "interrupted",
+    type=click.Choice(["retry", "give-up"]),
+    help="What to do where nobody knows how far it came. Else as its mission says, or retry.",
+)
+@click.option("--retry", type=Whole(min=0, max=1000), default=0, metavar="TIMES", help="Try again when it fails.")
+@click.option("--id", "number", metavar="TASK", help="The ID of a task that was perhaps given: it is not given twice.")
+def run(
+    mission: str,
+    params: dict[str, str],
+    name: str | None,
+    on: str,
+    where: str,
+    interrupted: Policy | None,
+    retry: int,
+    number: str | None,
+) -> int:
+    """Give a mission of the library to one robot of a fleet, as soon as one is free; or to each, as a task of its own.
+
+    One of the robots keeps the task, and decides who does it. The mission is read on the robot that does it.
+    """
+    _check(mission, where, on, number)
+    policy = interrupted or _policy(mission)
+    with at(name) as operator:
+        operator.meet()
+        names = sorted(a.name for a, each in operator.members().items() if each.online) if on == "all" else [on]
+        code = SUCCESS
+        for each in names:
+            keeper = operator.keeper(each) if number is None else Address.read(number.rpartition("/")[0])
+            task = number or f"{keeper}/{secrets.token_hex(6)}"
+            wanted = Keep(
+                task=task, mission=mission, params=params, on=each, where=where,
+                if_interrupted=policy, retries=retry, by=operator.by,
+            )  # fmt: skip
+            answer = operator.give(wanted, keeper)
+            code = code if answer.ok else FAILURE
+            click.echo(
+                f"task {task}: {mission} on {each}" if answer.ok else f"refused: {answer.why}", err=not answer.ok
+            )
+        if not names:
+            click.echo("nobody is in this fleet\n  try: mission fleet list", err=True)
+            code = FAILURE
+    return code
+
+
+def _check(mission: str, where: str, on: str, number: str | None) -> None:
+    """Raise click.UsageError for what no robot would understand."""
+    if not MISSION.fullmatch(mission):
+        raise click.UsageError(f"'{mission}' is no name in a library: a fleet's robots read no other's files")
+    if number is not None and (not TASK.fullmatch(number) or on == "all"):
+        raise click.UsageError("--id is that of one task, as `mission fleet run` printed it")
+    try:
+        unknown = set(parse(where).names) - READ if where else set()
+    except ExpressionError as error:
+        raise click.UsageError(f"--where: {error}") from error
+    if unknown:
+        raise click.UsageError(f"--where: '{min(unknown)}' is not known of a robot; known: {', '.join(sorted(READ))}")
+
+
+def _policy(mission: str) -> Policy:
+    """Return what a mission says of its interruption, where it is in the library of this computer too."""
+    try:
+        said = load_mission(mission, leaves=LEAVES).if_interrupted
+    except (InvalidFileError, UnknownNameError):
+        return "retry"
+    return "give-up" if said == "give_up" else "retry"
+
+
+@click.command(epilog="Example: mission fleet tasks --all")
+@FLEET
+@click.option("--all", "ended", is_flag=True, help="Also those that have ended.")
+@AS_JSON
+def tasks(name: str | None, ended: bool, as_json: bool) -> int:
+    """List the tasks that the robots keep that are there: who has each, and how it goes."""
+    with at(name) as operator:
+        told = operator.tasks(ended=ended)
+    found = sorted(told.tasks, key=lambda each: each.id)
+    for each in sorted(told.more):
+        click.echo(f"{each} keeps more tasks, older than those that are shown", err=True)
+    for each in sorted(told.silent):
+        click.echo(f"{each} did not answer: its tasks may be missing", err=True)
+    if as_json:
+        click.echo(json.dumps([asdict(each) for each in found]))
+    elif not found:
+        click.echo("no tasks" if ended else "no tasks wait or run; --all shows those that have ended")
+    else:
+        headings = ("task", "state", "mission", "on", "robot", "reason")
+        click.echo(in_columns(headings, [_row(each) for each in found], left=frozenset(headings)))
+    return SUCCESS
+
+
+def _row(task: ToldTask) -> list[str]:
+    return [task.id, task.state, task.mission, task.on, task.robot.partition("/")[0] or "-", task.reason]
+
+
+@click.command(epilog="Example: mission fleet decide 3f9a hand-on")
+@click.argument("number", metavar="TASK")
+@click.argument("what", type=click.Choice(["hand-on", "give-up"]))
+@FLEET
+def decide(number: str, what: Literal["hand-on", "give-up"], name: str | None) -> int:
+    """Say what becomes of a task whose robot is lost: another does it, or nobody. The end of its ID is enough.
+
+    Handed on, it is done twice if the lost robot goes on with it: look first.
+    """
+    with at(name) as operator:
+        answer = operator.decide(_whole(operator, number), what)
+    click.echo(f"task {number}: {answer.why}", err=not answer.ok)
+    return SUCCESS if answer.ok else FAILURE
+
+
+def _whole(operator: Operator, number: str) -> str:
+    """Return the ID that a piece of it means. Raises TaskError."""
+    if TASK.fullmatch(number):
+        return number
+    found = [each.id for each in operator.tasks(ended=False).tasks if number in each.id.rpartition("/")[2]]
+    if len(found) != 1:
+        many = f"{len(found)} tasks that wait or run have '{number}' in their ID" if found else ""
+        raise TaskError(many or f"no task that waits or runs has '{number}' in its ID", hint="mission fleet tasks")
+    return found[0]

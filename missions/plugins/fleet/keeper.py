@@ -1,0 +1,254 @@
+"""Keeping tasks for a fleet: giving each to a robot that is free, and handing it on where that is lost."""
+
+import hashlib
+import json
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+
+from config.units import Quantity
+from missions.language.expressions import ExpressionError, parse
+from missions.plugins.fleet.errands import Ready
+from missions.plugins.fleet.form import MAX_ANSWER, MAX_TEXT_LENGTH
+from missions.plugins.fleet.kept import Kept, KeptTask, after
+from missions.plugins.fleet.roster import Member, Roster
+from missions.plugins.fleet.words import (  # fmt: skip
+    MISSION,
+    TASK,
+    Accept,
+    Address,
+    Answer,
+    Ask,
+    Decide,
+    Keep,
+    Report,
+    RobotState,
+    Tasks,
+    Times,
+    ToldTask,
+)
+
+MOST_TASKS = 10_000
+"""Tasks that wait, at most."""
+
+MOST_TOLD = 500
+"""Tasks that an answer tells of, at most: who wants more asks for those before."""
+
+MOST_BYTES = MAX_ANSWER - 64 * 1024
+"""Bytes of what an answer tells of tasks, at most: one that is longer would not be read."""
+
+ALSO = "done, while it was lost, by"
+
+LOST = "its robot was not heard of"
+
+
+class Keeper:
+    """A Worker of a Member: keeps tasks, and decides who does each. For the member's thread."""
+
+    def __init__(
+        self,
+        own: Address,
+        kept: Kept,
+        roster: Roster,
+        ready: Ready,
+        now: Callable[[], float],
+        wall: Callable[[], float],
+        times: Times | None = None,
+    ) -> None:
+        self._own, self._kept, self._roster, self._ask = own, kept, roster, ready
+        self._now, self._wall, self._times = now, wall, times or Times()
+        self.copied: Callable[[], bool] = lambda: False
+        """Whether another robot has the same address: then it does not decide alone, and decides nothing."""
+        self._begun = now()
+        self._contact: dict[str, float] = {}
+        self._sent: dict[str, float] = {}
+        self._refused: dict[tuple[str, str], float] = {}
+        self._answers: deque[tuple[str, int, str, Answer | None]] = deque()
+
+    # --- what is asked ----------------------------------------------------------------------------------------------
+
+    def asked(self, ask: Ask) -> Answer | None:
+        """See Worker."""
+        match ask:
+            case Keep():
+                return self._keep(ask)
+            case Report():
+                return self._report(ask)
+            case Decide():
+                return self._decide(ask)
+            case Tasks():
+                return self._page(ask)
+        return None
+
+    def _page(self, ask: Tasks) -> Answer:
+        """Tell of as many tasks as an answer holds."""
+        told: list[Mapping[str, object]] = []
+        size = 0
+        for task in self._kept.newest(ended=ask.ended, before=ask.before):
+            size += len(json.dumps(its := _told(task))) + 1
+            if size > MOST_BYTES or len(told) >= MOST_TOLD:
+                break
+            told.append(its)
+        return Answer(told=tuple(told))
+
+    def _keep(self, ask: Keep) -> Answer:
+        if not TASK.fullmatch(ask.task) or not ask.task.startswith(f"{self._own}/"):
+            return Answer(ok=False, why=f"'{ask.task}' is not the ID of a task that {self._own} keeps")
+        if self.copied():
+            return Answer(ok=False, why=f"another robot has the number {self._own.number} of this one")
+        if not MISSION.fullmatch(ask.mission):
+            return Answer(ok=False, why=f"'{ask.mission}' is no name of a mission in a library")
+        if ask.where:
+            try:
+                parse(ask.where)
+            except ExpressionError as error:
+                return Answer(ok=False, why=str(error)[:300])
+        if len(self._kept.tasks()) >= MOST_TASKS:
+            return Answer(ok=False, why=f"{MOST_TASKS} tasks wait already")
+        wanted = {each.name: getattr(ask, each.name) for each in fields(ask) if each.name not in {"task", "by"}}
+        kept = self._kept.add(KeptTask(id=ask.task, by=ask.by, added=self._wall(), **wanted))
+        if any(getattr(kept, name) != value for name, value in wanted.items()):
+            return Answer(ok=False, why=f"{ask.task} is another task: {kept.mission} on {kept.on}")
+        return Answer()
+
+    def _report(self, ask: Report) -> Answer:
+        """Hear how a task goes; whose it is no more is told so."""
+        task, final = self._kept.get(ask.task), ask.state in ("FINISHED", "FAILED")
+        drop = Answer(ok=False, why="it is another's by now", told=({"drop": True},))
+        if task is None:
+            return Answer() if final else drop
+        if (task.robot, task.attempt) != (ask.robot, ask.attempt):
+            return self._late(task, ask) or drop
+        if task.ended:
+            return Answer() if final else drop
+        self._contact[task.id] = self._now()
+        if final:
+            how = ask.how or "failure"
+            self._change(task, after(task, how, ask.reason, self._wall()))
+        elif not task.confirmed or task.state != ask.state:
+            self._change(task, {"state": ask.state, "confirmed": True, "reason": ""})
+        return Answer()
+
+    def _change(self, task: KeptTask, changes: Mapping[str, object]) -> None:
+        """Change a task; who else has done it stays told, whatever becomes of it."""
+        if "reason" in changes:
+            reason = str(changes["reason"])
+            also = [each for each in task.reason.split("; ") if each.startswith(ALSO) and each not in reason]
+            changes = {**changes, "reason": "; ".join(each for each in (reason, *also) if each)}
+        self._kept.change(task.id, changes)
+
+    def _late(self, task: KeptTask, ask: Report) -> Answer | None:
+        """Hear that a robot has done what was handed on meanwhile: nobody can exclude that, but it is told."""
+        if ask.state != "FINISHED":
+            return None
+        told = f"{ALSO} {ask.robot}"
+        if not task.ended and not task.confirmed:  # nobody else has begun it
+            self._change(task, {"state": "FINISHED", "reason": told})
+        elif told not in task.reason:
+            self._change(task, {"reason": f"{task.reason}; {told}".removeprefix("; ")})
+        return Answer()
+
+    def _decide(self, ask: Decide) -> Answer:
+        """Do with a task whose robot is lost what a person says."""
+        task = self._kept.get(ask.task)
+        if task is None or task.ended:
+            return Answer(ok=False, why=f"task {ask.task} is not kept here, or has ended")
+        if ask.what == "give-up":
+            self._change(task, {"state": "FAILED", "reason": f"given up by {ask.by}"})
+        elif not task.robot:
+            return Answer(ok=False, why=f"task {ask.task} waits for a robot as it is")
+        else:
+            changes = {"state": "WAITING", "robot": "", "confirmed": False, "reason": f"handed on by {ask.by}"}
+            self._change(task, changes)
+        return Answer(why="done")
+
+    # --- what is due ------------------------------------------------------------------------------------------------
+
+    def step(self, now: float) -> bool:
+        """See Worker."""
+        while self._answers:
+            self._heard(*self._answers.popleft(), now)
+        if self.copied():
+            return False
+        tasks = self._kept.tasks()
+        taken = {each.robot for each in tasks}
+        members = self._roster.members()
+        for task in tasks:
+            if not task.robot:
+                if task.due(self._wall()) and (found := self._choose(task, members, taken, now)):
+                    taken.add(str(found))
+                    changes = {"robot": str(found), "attempt": task.attempt + 1, "confirmed": False}
+                    self._change(task, changes)  # before it is sent: who has it is never unknown
+                    self._offer(task, found, task.attempt + 1, now)
+                continue
+            self._attend(task, Address.read(task.robot), members, now)
+        return bool(tasks)
+
+    def _attend(self, task: KeptTask, robot: Address, members: Mapping[Address, Member], now: float) -> None:
+        """Look after a task that a robot has."""
+        gone = robot not in members or members[robot].connection != "ONLINE"
+        if not task.confirmed:
+            if gone and now > self._begun + self._times.again:  # it cannot have begun: that has to be confirmed first
+                self._change(task, {"robot": ""})
+            elif not gone and now > self._sent.get(task.id, self._begun) + self._times.again:
+                self._offer(task, robot, task.attempt, now)
+        elif now > self._contact.get(task.id, self._begun) + self._times.hand_on:
+            if task.if_interrupted == "retry":
+                self._change(task, {"state": "WAITING", "robot": "", "confirmed": False, "reason": LOST})
+            elif not task.reason.startswith(LOST):
+                self._change(task, {"reason": LOST})
+
+    def _choose(self, task: KeptTask, members: Mapping[Address, Member], taken: set[str], now: float) -> Address | None:
+        """Return a robot that is free and as it is wished; keepers begin to choose at different ends."""
+        found = [
+            address
+            for address, each in members.items()
+            if each.online
+            and each.state is not None
+            and each.state.free
+            and str(address) not in taken
+            and task.on in ("any", address.name)
+            and now > self._refused.get((task.id, str(address)), 0.0)
+            and fits(task.where, address, each.state)
+        ]
+        return min(found, default=None, key=lambda each: hashlib.sha256(f"{task.id} {each}".encode()).digest())
+
+    def _offer(self, task: KeptTask, robot: Address, attempt: int, now: float) -> None:
+        self._sent[task.id] = now
+        again = task.if_interrupted == "retry"
+        accept = Accept(task=task.id, attempt=attempt, mission=task.mission, params=task.params, again=again)
+        self._ask(accept, robot, lambda answer: self._answers.append((task.id, attempt, str(robot), answer)))
+
+    def _heard(self, number: str, attempt: int, robot: str, answer: Answer | None, now: float) -> None:
+        """Heed what a robot says to an offer."""
+        task = self._kept.get(number)
+        if answer is None or answer.ok or task is None or task.confirmed or task.ended:
+            return
+        if (task.robot, task.attempt) != (robot, attempt):
+            return
+        unable = bool(answer.told)
+        self._refused[number, robot] = now + (60.0 if unable else self._times.refused)
+        self._change(task, {"robot": "", "reason": f"{robot}: {answer.why}" if unable else ""})
+
+
+def fits(where: str, address: Address, state: RobotState) -> bool:
+    """Say whether a robot is as an expression wants it; what is not known of it is not so."""
+    if not where:
+        return True
+    known: dict[str, tuple[object, str]] = {
+        "battery": (state.battery, "share"), "x": (state.x, "length"), "y": (state.y, "length"),
+    }  # fmt: skip
+    scope: dict[str, object] = {
+        name: Quantity(value, unit) for name, (value, unit) in known.items() if isinstance(value, int | float)
+    }
+    scope |= {"name": address.name, "robot": state.robot, "parts": list(state.parts), "simulated": state.simulated}
+    try:
+        return parse(where).evaluate(scope) is True
+    except ExpressionError:
+        return False
+
+
+def _told(task: KeptTask) -> Mapping[str, object]:
+    """Return what is told of a task; its reason may have grown over what is read of a text."""
+    told = {each.name: getattr(task, each.name) for each in fields(ToldTask)}
+    return told | {"reason": task.reason[:MAX_TEXT_LENGTH]}

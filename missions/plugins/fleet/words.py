@@ -1,0 +1,248 @@
+"""The words of a fleet: names, keys on the wire, what a robot tells of itself, and what may be asked of it."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal, Self
+
+from missions.plugins.fleet.form import BadMessageError, of, parse
+
+# How long robots of a fleet wait for each other.
+
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """Seconds. A robot reports on a task each ``heartbeat``, and asks ``again`` where it got no answer.
+
+    It lets go of a task that may be repeated once its keeper has not answered for ``lease``; after ``hand_on``, which
+    is longer by the time that a run may take to stop, the keeper gives that task to another.
+    """
+
+    heartbeat: float = 2.0
+    again: float = 1.0
+    lease: float = 30.0
+    hand_on: float = 50.0
+    refused: float = 2.0
+
+
+VERSION = 1
+"""The version of keys and messages: robots of another one do not see each other."""
+
+NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}")
+"""Names of fleets and robots: what stands in a key as it is, and does nothing on a terminal."""
+
+MISSION = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)?")
+"""Names of missions that may be asked for over a network: those of the library, and no path."""
+
+TASK = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}/[0-9a-f]{8}/[0-9a-f]{12}")
+"""IDs of tasks: the address of the robot that keeps the task, and a number drawn by chance."""
+
+Connection = Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]
+"""As in VDA 5050: there; gone, after it said so; gone without a word."""
+
+TaskState = Literal["WAITING", "INITIALIZING", "RUNNING", "PAUSED", "FINISHED", "FAILED"]
+"""As in VDA 5050; the last two are for good."""
+
+Policy = Literal["retry", "give-up"]
+"""What is done about a task of which nobody knows how far it came: `retry` may be done again, `give-up` not."""
+
+How = Literal["", "success", "failure", "interrupted", "refused"]
+"""How an attempt ended; `refused` did not begin."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Address:
+    """A robot: its name, and the number that its folder of tasks got by chance, so that two of one name differ."""
+
+    name: str
+    number: str
+
+    def __str__(self) -> str:
+        return f"{self.name}/{self.number}"
+
+    @classmethod
+    def read(cls, text: str) -> Self:
+        """Read what ``str`` wrote. Raises BadMessageError."""
+        name, _, number = text.partition("/")
+        if not NAME.fullmatch(name) or not re.fullmatch("[0-9a-f]{8}", number):
+            raise BadMessageError(f"no address of a robot: {ascii(text)[:80]}")
+        return cls(name, number)
+
+
+def key(fleet: str, kind: str, where: str = "*/*") -> str:
+    """Return the key of a kind (here, state, stop, ask) of a robot, or of all."""
+    return f"missiontree/{VERSION}/{fleet}/{kind}/{where}"
+
+
+def address_in(text: str) -> Address:
+    """Return the robot that a key is of. Raises BadMessageError."""
+    return Address.read("/".join(text.split("/")[-2:]))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotState:
+    """What a robot tells of itself, whenever that changes. Lengths in m, angles in rad; None is not known.
+
+    ``session`` is drawn at each start, and ``number`` counts within it. ``battery`` (0..1) and the pose are those of
+    the last run, ``age`` seconds ago. ``stops`` counts stops; ``stopped`` says who has latched the last.
+    """
+
+    session: str
+    number: int
+    robot: str
+    parts: tuple[str, ...] = ()
+    simulated: bool = False
+    farewell: bool = False
+    mission: str = ""
+    task: str = ""
+    task_state: TaskState | None = None
+    free: bool = False
+    battery: float | None = None
+    x: float | None = None
+    y: float | None = None
+    heading: float | None = None
+    age: float | None = None
+    stops: int = 0
+    stopped: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ask:
+    """Something that is asked of a robot; ``by`` says who asks, for people."""
+
+    word: ClassVar[str] = ""
+    by: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stop(Ask):
+    """Latch every actuator still, and begin no task, until it is released; asked again, of the same ``press``."""
+
+    word: ClassVar[str] = "stop"
+    press: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Release(Ask):
+    """End the latched stop of this number; ``resume`` lets missions go on as well."""
+
+    word: ClassVar[str] = "release"
+    stop: int
+    resume: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Met(Ask):
+    """Answer with the robots that it has met since it was started, and how each is connected."""
+
+    word: ClassVar[str] = "met"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Keep(Ask):
+    """Keep a task, and have it done by the robot ``on``, or `any`, that is as ``where`` says; asked twice, once."""
+
+    word: ClassVar[str] = "keep"
+    task: str
+    mission: str
+    params: Mapping[str, str] = field(default_factory=dict)
+    on: str = "any"
+    where: str = ""
+    if_interrupted: Policy = "retry"
+    retries: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Accept(Ask):
+    """Have a task, and report on it; do not begin it before its keeper has confirmed that. ``again``: as `retry`."""
+
+    word: ClassVar[str] = "accept"
+    task: str
+    attempt: int
+    mission: str
+    params: Mapping[str, str] = field(default_factory=dict)
+    again: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report(Ask):
+    """Hear from ``robot`` how an attempt at a task goes. Refused, it is not that robot's any more."""
+
+    word: ClassVar[str] = "report"
+    task: str
+    attempt: int
+    robot: str
+    state: TaskState
+    how: How = ""
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decide(Ask):
+    """Do with a task whose robot is lost what a person says: have another do it, or give it up."""
+
+    word: ClassVar[str] = "decide"
+    task: str
+    what: Literal["hand-on", "give-up"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tasks(Ask):
+    """Answer with tasks that the robot keeps, the newest first: those that are open, or those that have ended.
+
+    With ``before`` those that it was given before the task of that ID: an answer holds so many and no more.
+    """
+
+    word: ClassVar[str] = "tasks"
+    ended: bool = False
+    before: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MetRobot:
+    """What is told of a robot that was met: its address, and how it is connected."""
+
+    robot: str
+    connection: Connection
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ToldTask:
+    """What is told of a task: what was asked for, by whom, which robot has it, and what became of it."""
+
+    id: str
+    mission: str
+    params: Mapping[str, str]
+    on: str
+    where: str
+    if_interrupted: Policy
+    state: TaskState
+    robot: str
+    attempt: int
+    reason: str
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """The answer to an Ask: ``why`` it was not done, and what to try, where it was not.
+
+    ``told`` are JSON objects, for who asked to check.
+    """
+
+    ok: bool = True
+    why: str = ""
+    told: tuple[Mapping[str, Any], ...] = field(default=())
+
+
+ASKS: Mapping[str, type[Ask]] = {kind.word: kind for kind in (Stop, Release, Met, Keep, Accept, Report, Decide, Tasks)}
+"""What may be asked, by its word."""
+
+
+def read_ask(data: bytes) -> Ask:
+    """Return what is asked. Raises BadMessageError."""
+    told = parse(data)
+    word = told.pop("do", None) if isinstance(told, dict) else None
+    if not isinstance(word, str) or word not in ASKS:
+        raise BadMessageError(f"unknown: {ascii(word)[:60]}")
+    return of(ASKS[word], told)

@@ -1,0 +1,228 @@
+"""``mission gait``: gaits of a robot with legs: looked at, checked, and made of others."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import numpy as np
+
+from config.library import find
+from config.saving import save_file
+from drivers.legs.gait import Gait, blended, mirrored, scaled, sequence
+from drivers.legs.pressure import margins
+from missions.cli.names import GAIT, ROBOT
+from missions.cli.numbers import Real, Whole
+from missions.cli.outputs import writing
+from missions.library.drivers import load_robot
+from missions.plugins.legs.gaits import Walker, written
+from missions.plugins.pictures.movie import CODECS, Movie, check_place
+from missions.plugins.testing.commands.controller import NO_PLOTS
+
+LEGGED = "humanoid"
+"""The robot whose gaits they are where none is named."""
+
+SHEET = ".csv"
+
+MANY = 1000
+"""Cycles in one spreadsheet, at most: a quarter of an hour."""
+
+robot_option = click.option("--robot", type=ROBOT, default=LEGGED, show_default=True, help="Whose gait it is: a robot "
+                            "with legs (a name or a file).")  # fmt: skip
+picture_option = click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="PICTURE",
+    help="Draw it, as .png or .svg; or film it, as .webm, .mp4 or .avi.",
+)
+output_option = click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    required=True,
+    metavar="FILE",
+    help="A gait file (.yaml), or a spreadsheet of angles in radians (.csv).",
+)
+
+
+@click.group(epilog="Example: mission gait show stroll -o stroll.png")
+def command() -> None:
+    """Look at gaits, check them, and make new ones of stored ones.
+
+    A gait is one that ships, by its name, a gait file, or a spreadsheet of the legs' angles (.csv, .xlsx, .xls, .ods)
+    whose last row is the first one again. What the robot cannot do is refused, with the joint and the time, and
+    nothing is written.
+    """
+
+
+@command.command(epilog="Example: mission gait check stroll --robot op3")
+@click.argument("files", type=GAIT, nargs=-1, required=True, metavar="GAIT...")
+@robot_option
+def check(files: tuple[str, ...], robot: str) -> None:
+    """Check gaits: reach, limits, speeds, torques at rest, collisions, and whether it presses within its soles."""
+    walker = _walker(robot)
+    wrong = [each for path in files for each in walker.mistakes(_load(walker, path))]
+    if wrong:
+        raise click.ClickException("\n".join(wrong))
+    for path in files:
+        click.echo(f"{path}: good for {robot}")
+
+
+@command.command(epilog="Example: mission gait show stroll")
+@click.argument("file", type=GAIT, metavar="GAIT")
+@robot_option
+@picture_option
+def show(file: str, robot: str, output: Path | None) -> None:
+    """Say what the legs do in a cycle: each joint with its limits and its speed, and how well it is supported.
+
+    A picture shows soles, pelvis and centre of mass over the cycle, and the joints over time; a film two cycles, as
+    lines from its right and from the front.
+    """
+    walker = _walker(robot)
+    gait = _load(walker, file)
+    for line in _shown(walker, gait):
+        click.echo(line)
+    if output is not None:
+        (_film if output.suffix in CODECS else _draw)(walker, gait, output)
+
+
+@command.command(epilog="Example: mission gait make stroll -o stroll.csv --cycles 4")
+@click.argument("file", type=GAIT, metavar="GAIT")
+@click.option("--cycles", type=Whole(min=1, max=MANY), default=1, show_default=True, help="Of a spreadsheet: how many.")
+@output_option
+@robot_option
+def make(file: str, cycles: int, output: Path, robot: str) -> None:
+    """Make a gait file of points, or a spreadsheet, of a gait."""
+    walker = _walker(robot)
+    _write(walker, _load(walker, file), output, cycles)
+
+
+@command.command(epilog="Example: mission gait blend stroll curve --share 0.3 -o between.yaml")
+@click.argument("one", type=GAIT)
+@click.argument("other", type=GAIT)
+@click.option("--share", type=Real(0.0, 1.0), default=0.5, show_default=True, help="Of the second one.")
+@output_option
+@robot_option
+def blend(one: str, other: str, share: float, output: Path, robot: str) -> None:
+    """Make a gait between two."""
+    walker = _walker(robot)
+    _write(walker, blended(_load(walker, one), _load(walker, other), share), output)
+
+
+@command.command(epilog="Example: mission gait mirror curve -o right.yaml")
+@click.argument("file", type=GAIT, metavar="GAIT")
+@output_option
+@robot_option
+def mirror(file: str, output: Path, robot: str) -> None:
+    """Make the mirror image of a gait: what the left leg does, the right one does."""
+    walker = _walker(robot)
+    _write(walker, mirrored(_load(walker, file)), output)
+
+
+@command.command(epilog="Example: mission gait scale stroll --length 1.2 -o longer.yaml")
+@click.argument("file", type=GAIT, metavar="GAIT")
+@click.option("--length", type=Real(0.0, 10.0), default=1.0, show_default=True, help="Times its steps.")
+@click.option("--rise", type=Real(0.0, 10.0), default=1.0, show_default=True, help="Times its rise of the feet.")
+@click.option("--time", type=Real(0.1, 10.0), default=1.0, show_default=True, help="Times its period.")
+@output_option
+@robot_option
+def scale(file: str, length: float, rise: float, time: float, output: Path, robot: str) -> None:
+    """Make a gait with longer steps, higher feet or another period."""
+    walker = _walker(robot)
+    _write(walker, scaled(_load(walker, file), length=length, rise=rise, time=time), output)
+
+
+@command.command(name="sequence", epilog="Example: mission gait sequence stroll curve --cycles 3 -o way.csv")
+@click.argument("files", type=GAIT, nargs=-1, required=True, metavar="GAIT...")
+@click.option("--cycles", type=Whole(min=1, max=MANY), default=2, show_default=True, help="How many of each.")
+@output_option
+@robot_option
+def sequence_(files: tuple[str, ...], cycles: int, output: Path, robot: str) -> None:
+    """Make one spreadsheet of gaits one after another; each is checked by itself."""
+    if output.suffix != SHEET:
+        raise click.BadParameter(f"{output}: a sequence is a spreadsheet: end its name in .csv", param_hint="-o")
+    walker = _walker(robot)
+    gaits = [_load(walker, path) for path in files]
+    _refuse(walker, *gaits)
+    _save(output, walker.table(*sequence(walker.body, [(gait, cycles) for gait in gaits])))
+
+
+def _walker(robot: str) -> Walker:
+    return Walker(load_robot(find("robots", robot)))
+
+
+def _load(walker: Walker, gait: str) -> Gait:
+    return walker.load(find("gaits", gait))
+
+
+def _refuse(walker: Walker, *gaits: Gait) -> None:
+    """Raise click.ClickException for gaits that the robot cannot do."""
+    if wrong := [each for gait in gaits for each in walker.mistakes(gait)]:
+        raise click.ClickException("\n".join([*wrong, "nothing is written"]))
+
+
+def _write(walker: Walker, gait: Gait, output: Path, cycles: int = 1) -> None:
+    _refuse(walker, gait)
+    if output.suffix == SHEET:
+        _save(output, walker.table(*sequence(walker.body, [(gait, cycles)])))
+    elif output.suffix in (".yaml", ".yml"):
+        _save(output, written(gait, output.stem))
+    else:
+        raise click.BadParameter(f"{output}: end its name in .yaml or .csv", param_hint="-o")
+
+
+def _draw(walker: Walker, gait: Gait, output: Path) -> None:
+    """Draw a gait. Raises click.ClickException for one out of reach, and without Matplotlib."""
+    try:
+        from missions.plugins.legs.gait_plot import draw_gait  # noqa: PLC0415 - an extra, and slow to import
+    except ImportError as error:
+        raise click.UsageError(NO_PLOTS) from error
+    _refuse_unreached(walker, gait)
+    with writing(output, "-o"):
+        try:
+            draw_gait(output, gait, walker.body, walker.limits)
+        except ValueError as error:
+            told = f"{error}, a film in {', '.join(CODECS)}"
+            raise click.BadParameter(told, param_hint="-o") from error
+    click.echo(f"wrote {output}", err=True)
+
+
+def _film(walker: Walker, gait: Gait, output: Path) -> None:
+    """Film a gait. Raises click.ClickException for one out of reach, and for a place where no film can be."""
+    from missions.plugins.legs.gait_plot import RATE, gait_pictures  # noqa: PLC0415 - as for pictures
+
+    check_place(output, "-o")
+    _refuse_unreached(walker, gait)
+    with Movie(output, rate=RATE, option="-o") as movie:
+        for picture in gait_pictures(gait, walker.body):
+            movie.write(picture)
+    if movie.trouble:
+        raise click.ClickException(movie.trouble)
+    click.echo(f"wrote {output}", err=True)
+
+
+def _refuse_unreached(walker: Walker, gait: Gait) -> None:
+    if gait.angles(walker.body)[1].any():
+        raise click.ClickException(f"{gait.name}: it cannot be drawn, a foot is out of reach")
+
+
+def _save(output: Path, text: str) -> None:
+    with writing(output, "-o"):
+        save_file(output, text)
+    click.echo(f"wrote {output}", err=True)
+
+
+def _shown(walker: Walker, gait: Gait) -> Iterator[str]:
+    """Yield what is told of a gait."""
+    yield f"{gait.name}: a cycle of {gait.period:.2f} s"
+    angles, reason = gait.angles(walker.body)
+    if not reason.any():
+        speeds = np.abs(np.roll(angles, -1, axis=0) - angles) * len(angles) / gait.period
+        yield f"{'joint':<20} {'from':>7} {'to':>7} {'limits':>15} {'deg/s':>7} {'of':>5}"
+        for column, joint in enumerate(walker.body.walking):
+            its, row = walker.limits[joint], np.degrees(angles[:, column])
+            limits = f"{np.degrees(its.lower):.0f} to {np.degrees(its.upper):.0f}"
+            fast = f"{np.degrees(speeds[:, column].max()):7.0f} {np.degrees(its.speed):5.0f}"
+            yield f"{joint:<20} {row.min():7.1f} {row.max():7.1f} {limits:>15} {fast}"
+        yield f"it presses {1000 * margins(walker.body, gait, angles).min():.0f} mm within its soles at least"
+    yield from walker.mistakes(gait) or ["good"]

@@ -1,0 +1,120 @@
+"""Pictures of gaits: soles, pelvis and centre of mass over a cycle, and each joint with its limits. Needs ``plots``."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from drivers.api import Image, JointLimits
+from drivers.legs.body import SIDES, Body, Floats
+from drivers.legs.collision import TRUNK, capsules
+from drivers.legs.engine import whole
+from drivers.legs.gait import Gait
+from drivers.legs.kinematics import centre_of_mass, forward
+from drivers.sim.rigid.stick import Stroke, stick_figure
+from missions.plugins.pictures.figures import save_figure
+from missions.plugins.pictures.moves_plot import FORMATS, GOAL, LIMIT, MEASURED
+
+# A gait as pictures of a figure of lines, from its right and from the front, over two cycles on a treadmill.
+
+RATE = 25.0
+"""Pictures a second."""
+
+CYCLES = 2
+
+SIZE = (640, 480)
+
+LINE = 0.004
+"""Half the width (m) of a line from joint to joint."""
+
+
+def gait_pictures(gait: Gait, body: Body) -> Iterator[Image]:
+    """Yield the pictures of a gait that the body reaches."""
+    angles, _ = gait.angles(body)
+    placed = forward(body, whole(body, angles))
+    lowest = gait.feet[..., 2].min()
+    height = float(placed.position[..., 2].max() - lowest) * 1.15
+    gone = _gone(gait)
+    count = len(gait.times)
+    for number in range(max(2, round(CYCLES * gait.period * RATE))):
+        time = number / RATE
+        cycle, place = divmod(round(time / gait.period * count), count)
+        strokes = list(_strokes(body, placed.position[place], placed.rotation[place], -lowest))
+        way = float(gone[place] + cycle * gone[-1])
+        yield stick_figure(strokes, SIZE, height=height, gone=way, told=f"{gait.name}  {time:.2f} s")
+
+
+def _gone(gait: Gait) -> Floats:
+    """Return how far the body has gone by each time of a cycle, and by its end: as the feet on the floor go back."""
+    back = gait.feet[:, :, 0] - np.roll(gait.feet[:, :, 0], -1, axis=0)
+    held = gait.on & np.roll(gait.on, -1, axis=0)
+    steps = np.where(held, back, 0.0).sum(axis=1) / np.maximum(held.sum(axis=1), 1)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _strokes(body: Body, position: Floats, rotation: Floats, up: float) -> Iterator[Stroke]:
+    raised = np.array([0.0, 0.0, up])
+    for place, parent in enumerate(body.parent):
+        if parent >= 0:
+            yield Stroke(position[parent] + raised, position[place] + raised, LINE)
+    for each in capsules(body):
+        if each.name == TRUNK and each.link < 0:
+            yield Stroke(each.start + raised, each.end + raised, each.radius)
+        else:
+            at, turned = position[each.link] + raised, rotation[each.link]
+            yield Stroke(at + turned @ each.start, at + turned @ each.end, each.radius)
+
+
+COLOURS = {"left": GOAL, "right": MEASURED}
+
+
+def draw_gait(path: Path, gait: Gait, body: Body, limits: Mapping[str, JointLimits]) -> None:
+    """Draw a gait that the body reaches. Raises ValueError for another format, OSError where it cannot be written."""
+    if path.suffix not in FORMATS:
+        raise ValueError(f"{path}: a picture ends in {' or '.join(FORMATS)}")
+    angles, _ = gait.angles(body)
+    figure = Figure(figsize=(12.0, 11.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(f"{gait.name}: a cycle of {gait.period:.2f} s")
+    grid = figure.subplots(4, 3, squeeze=False)
+    centre = centre_of_mass(body, forward(body, whole(body, angles)))
+    for axes, title, axis in zip(grid[0], ("ahead", "left", "up"), range(3), strict=True):
+        for number, side in enumerate(SIDES):
+            axes.plot(gait.times, 1000 * gait.feet[:, number, axis], color=COLOURS[side], label=f"{side} sole")
+        axes.plot(gait.times, 1000 * centre[:, axis], color="#444", linestyle="--", label="centre of mass")
+        axes.axhline(0.0, color=LIMIT, linewidth=1.0, label="pelvis")
+        _frame(axes, f"{title}, from the pelvis", "mm")
+    ways = zip(("hip turn", "hip roll", "hip pitch", "knee", "ankle pitch", "ankle roll"), range(6), strict=True)
+    for axes, (title, place) in zip([*grid[1], *grid[2]], ways, strict=True):
+        for number, side in enumerate(SIDES):
+            column = 6 * number + place
+            _joint(axes, gait.times, angles[:, column], COLOURS[side], limits[body.walking[column]])
+        _frame(axes, title, "deg")
+    for axes, side in zip(grid[3], SIDES, strict=False):
+        number = SIDES.index(side)
+        axes.plot(1000 * gait.feet[:, number, 0], 1000 * gait.feet[:, number, 2], color=COLOURS[side])
+        _frame(axes, f"{side} sole from the side", "mm up", "mm ahead")
+    grid[3][2].set_axis_off()
+    handles, labels = grid[0][0].get_legend_handles_labels()
+    grid[3][2].legend(handles, labels, loc="center", frameon=False)
+    save_figure(figure, path, 90)
+
+
+def _joint(axes: Axes, times: Floats, angles: Floats, colour: str, its: JointLimits) -> None:
+    """Draw a joint, and its limits where it comes near to them."""
+    axes.plot(times, np.degrees(angles), color=colour)
+    low, high = float(np.degrees(angles.min())) - 10.0, float(np.degrees(angles.max())) + 10.0
+    for end in np.degrees([its.lower, its.upper]):
+        if low <= end <= high:
+            axes.axhline(end, color=colour, linestyle=":", linewidth=1.0)
+
+
+def _frame(axes: Axes, title: str, up: str, along: str = "s") -> None:
+    axes.set_title(title, fontsize=10)
+    axes.set_ylabel(up)
+    axes.set_xlabel(along)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(color=LIMIT, alpha=0.25)

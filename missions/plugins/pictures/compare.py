@@ -1,0 +1,229 @@
+"""Two missions side by side: which of their nodes belong together, and what has changed.
+
+Lines of the files, statuses and keys do not count: a node that only moved down in its file is the same.
+"""
+
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from rich.cells import cell_len, chop_cells, set_cell_size
+
+from missions.trees.drawing import ASCII_SIGNS, SIGNS, Box, Drawing, Status
+
+Change = Literal["same", "changed", "added", "removed"]
+
+CHANGES: Mapping[Change, str] = {"same": "=", "changed": "≠", "added": "+", "removed": "-"}
+"""A sign for each change."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """A node of the left mission and the one of the right that has taken its place; one is None where it has none.
+
+    ``what`` says what has changed in the node itself, a line for each thing.
+    """
+
+    left: Box | None
+    right: Box | None
+    change: Change
+    what: str
+    children: tuple["Pair", ...] = ()
+
+    def walk(self) -> Iterator["Pair"]:
+        """Yield it and all below it."""
+        yield self
+        for child in self.children:
+            yield from child.walk()
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Two missions, and the tree of the pairs that their nodes form."""
+
+    left: Drawing
+    right: Drawing
+    root: Pair
+
+    def count(self, change: Change) -> int:
+        """Return how many nodes are ``same``, ``changed``, ``added`` or ``removed``."""
+        return sum(pair.change == change for pair in self.root.walk())
+
+    @property
+    def summary(self) -> str:
+        """The number of differences in words."""
+        counts = [f"{self.count(change)} {change}" for change in ("changed", "added", "removed") if self.count(change)]
+        return ", ".join(counts) or "no difference"
+
+
+def compare(left: Drawing, right: Drawing) -> Comparison:
+    """Find which nodes of two missions belong together: their roots do, and children that are alike, in their order."""
+    return Comparison(left, right, _pair(left.root, right.root))
+
+
+def _pair(left: Box, right: Box) -> Pair:
+    what = "\n".join(_differences(left, right))
+    children = tuple(_matched(left.children, right.children))
+    return Pair(left, right, "changed" if what else "same", what, children)
+
+
+def _matched(left: Sequence[Box], right: Sequence[Box]) -> Iterator[Pair]:
+    """Yield children in pairs: those that are equal, of the rest those of one kind and name, then those of one kind."""
+    for old, new in _aligned(left, right, [_whole, lambda box: (box.kind, box.name), lambda box: box.kind]):
+        if old is not None and new is not None:
+            yield _pair(old, new)
+        elif old is not None:
+            yield _alone(old, "removed")
+        elif new is not None:
+            yield _alone(new, "added")
+
+
+def _alone(box: Box, change: Literal["added", "removed"]) -> Pair:
+    left, right = (box, None) if change == "removed" else (None, box)
+    return Pair(left, right, change, "", tuple(_alone(child, change) for child in box.children))
+
+
+Likeness = Callable[[Box], Hashable]
+Fact = tuple[str, str, int]
+Match = tuple[Box | None, Box | None]
+
+
+def _aligned(left: Sequence[Box], right: Sequence[Box], alike: Sequence[Likeness]) -> Iterator[Match]:
+    """Yield matches in order: by the first likeness, and between two of these by the next one."""
+    if not alike or not left or not right:
+        yield from ((old, None) for old in left)
+        yield from ((None, new) for new in right)
+        return
+    old_end = new_end = 0
+    matches = _common([alike[0](box) for box in left], [alike[0](box) for box in right])
+    for old, new in [*matches, (len(left), len(right))]:
+        yield from _aligned(left[old_end:old], right[new_end:new], alike[1:])
+        if old < len(left):
+            yield left[old], right[new]
+        old_end, new_end = old + 1, new + 1
+
+
+def _common(left: Sequence[Hashable], right: Sequence[Hashable]) -> list[tuple[int, int]]:
+    """Return the places of a longest common subsequence."""
+    start = 0
+    while start < min(len(left), len(right)) and left[start] == right[start]:
+        start += 1
+    end = 0
+    while end < min(len(left), len(right)) - start and left[-1 - end] == right[-1 - end]:
+        end += 1
+    middle = _longest(left[start : len(left) - end], right[start : len(right) - end])
+    found = [(place, place) for place in range(start)]
+    found += [(start + old, start + new) for old, new in middle]
+    return found + [(len(left) - place, len(right) - place) for place in range(end, 0, -1)]
+
+
+def _longest(left: Sequence[Hashable], right: Sequence[Hashable]) -> Iterator[tuple[int, int]]:
+    """Yield the places of a longest common subsequence, by the table of what is in common from each place on."""
+    table = [[0] * (len(right) + 1) for _ in range(len(left) + 1)]
+    for old in reversed(range(len(left))):
+        for new in reversed(range(len(right))):
+            below, beside = table[old + 1][new], table[old][new + 1]
+            table[old][new] = table[old + 1][new + 1] + 1 if left[old] == right[new] else max(below, beside)
+    old = new = 0
+    while old < len(left) and new < len(right):
+        if left[old] == right[new]:
+            yield old, new
+            old, new = old + 1, new + 1
+        elif table[old + 1][new] >= table[old][new + 1]:
+            old += 1
+        else:
+            new += 1
+
+
+def _whole(box: Box) -> Hashable:
+    """Return all that counts of a node and of everything below it."""
+    return box.kind, tuple(_facts(box).items()), tuple(_whole(child) for child in box.children)
+
+
+def _facts(box: Box) -> dict[Fact, str]:
+    """Return what counts of a node itself; modifiers in their order, arguments in any."""
+    named = "" if box.name in (box.kind, box.mission) else box.name
+    own = {"name": named, "mission": box.mission, "case": box.case, "as": box.keep_as}
+    facts = {("node", name, 0): text for name, text in own.items() if text}
+    facts |= {("argument", name, 0): text for name, text in sorted(box.arguments.items())}
+    for place, badge in enumerate(box.badges):
+        before = sum(other.kind == badge.kind for other in box.badges[:place])
+        facts["modifier", badge.kind, before] = badge.text
+    return facts
+
+
+def _differences(left: Box, right: Box) -> Iterator[str]:
+    """Yield what differs of two nodes themselves, a line for each thing."""
+    old, new = _facts(left), _facts(right)
+    if left.kind != right.kind:  # then its arguments mean something else
+        yield f"kind: {left.kind} -> {right.kind}"
+        old, new = ({fact: text for fact, text in each.items() if fact[0] == "modifier"} for each in (old, new))
+    for fact in [*old, *(fact for fact in new if fact not in old)]:
+        name = fact[1]
+        if fact not in new:
+            yield f"- {name}: {old[fact]}"
+        elif fact not in old:
+            yield f"+ {name}: {new[fact]}"
+        elif old[fact] != new[fact]:
+            yield f"{name}: {old[fact]} -> {new[fact]}"
+    if [fact for fact in old if fact in new] != [fact for fact in new if fact in old]:
+        yield "modifiers in another order"
+
+
+# Two missions in two columns of text, a sign between them for what is the same, changed, added or removed.
+
+LEAST = 16
+"""Columns of a side at least, however narrow the terminal is."""
+
+Signs = Mapping[Status, str]
+"""How statuses are written in a column; none are, where it shows no moment of a run."""
+
+
+def side_by_side(comparison: Comparison, width: int, *, ascii_only: bool = False) -> str:
+    """Return a line for each pair of nodes, in ``width`` columns; below it, what has changed in the node itself.
+
+    A column that shows a moment of a run says how each node stands then.
+    """
+    side = max((width - 3) // 2, LEAST)
+    both = (comparison.left, comparison.right)
+    left, right = ({} if each.time is None else ASCII_SIGNS if ascii_only else SIGNS for each in both)
+    rows = [_row(_head(comparison.left), " ", _head(comparison.right), side)]
+    rows += _rows(comparison.root, 0, side, left, right)
+    text = "\n".join([*rows, comparison.summary]) + "\n"
+    return text.translate({ord("≠"): "!", ord("…"): "~"}) if ascii_only else text
+
+
+def _head(drawing: Drawing) -> str:
+    return drawing.mission if drawing.time is None else f"{drawing.mission} at {drawing.time:.2f} s"
+
+
+def _rows(pair: Pair, depth: int, side: int, left: Signs, right: Signs) -> Iterator[str]:
+    indent = " " * min(2 * depth, side // 2)
+    columns = ((pair.left, left), (pair.right, right))
+    old, new = (indent + _said(box, signs) if box is not None else "" for box, signs in columns)
+    yield _row(old, CHANGES[pair.change], new, side)
+    below = f"{indent}    "
+    for line in pair.what.splitlines():
+        yield from (_row("", " ", below + part, side) for part in chop_cells(line, side - len(below)))
+    for child in pair.children:
+        yield from _rows(child, depth + 1, side, left, right)
+
+
+def _said(box: Box, signs: Signs) -> str:
+    """Return a node in one line: how it stands, its case and title, why, arguments, modifiers, and its result."""
+    words = [signs[box.status]] if signs else []
+    words += [f"{box.case}:"] if box.case else []
+    words.append(box.title)
+    words += [f"-- {box.reason}"] if box.reason else []
+    told = [f"{name}: {text}" for name, text in box.untold.items()]
+    told += [f"as: {box.keep_as}"] if box.keep_as else []
+    told += [f"{f'{signs[badge.status]} ' if signs else ''}{badge.kind}: {badge.text}" for badge in box.badges]
+    return " ".join(words) + (f" ({', '.join(told)})" if told else "")
+
+
+def _row(left: str, sign: str, right: str, side: int) -> str:
+    return f"{set_cell_size(_cut(left, side), side)} {sign} {_cut(right, side)}".rstrip()
+
+
+def _cut(text: str, most: int) -> str:
+    return text if cell_len(text) <= most else f"{chop_cells(text, most - 1)[0]}…"

@@ -1,0 +1,90 @@
+"""A film of a run in simulated time: what the camera sees, beside the room from above and the robot's face.
+
+A robot in physics is shown itself, too; without a camera, in the place of what that would see.
+"""
+
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from drivers.screen.drawing import frame
+from drivers.screen.expression import expression
+from drivers.sim.render import Renderer
+from drivers.sim.topview import TopView
+from missions.assembly.twins import Twins
+from missions.plugins.pictures.movie import Movie
+
+if TYPE_CHECKING:
+    from drivers.sim.rigid.filmed import BodyCamera
+
+RATE = 12.5
+"""Pictures per second of simulated time."""
+
+
+class Film:
+    """Films ``twins`` into a file or, for any other name, into a folder of numbered pictures.
+
+    Its camera is one of its own, in the place of the robot's: filming changes nothing of the run.
+    Raises click.UsageError where the film cannot be written.
+    """
+
+    def __init__(self, path: Path, twins: Twins) -> None:
+        self.path = path
+        self._movie = Movie(path, rate=RATE, option="--film")
+        self._twins = twins
+        self._renderer = Renderer(twins.world, twins.lens, noise=0.0)
+        self._map = TopView(twins.world, (twins.lens.height * 4 // 3, twins.lens.height))
+        self._body = self._body_camera()
+        self._trail: list[tuple[float, float]] = []
+        self._open = False
+
+    @property
+    def trouble(self) -> str:
+        """From when on it could not be written, and why; empty while all is well."""
+        return self._movie.trouble
+
+    @property
+    def written(self) -> bool:
+        """Whether any of its pictures are at its path."""
+        return self._movie.written
+
+    def __enter__(self) -> Self:
+        self._movie.__enter__()
+        self._open = True
+        self._twins.timeline.every(1 / RATE, self._take)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._open = False
+        if self._body is not None:
+            self._body.close()
+        self._movie.__exit__(kind, error, trace)
+
+    def _body_camera(self) -> "BodyCamera | None":
+        """Return what draws the robot's body; None for a robot without physics."""
+        if self._twins.scene is None:
+            return None
+        from drivers.sim.rigid.filmed import BodyCamera  # noqa: PLC0415 - for physics alone
+
+        return BodyCamera(self._twins.scene, (self._twins.lens.width, self._twins.lens.height))
+
+    def _take(self) -> None:
+        if not self._open:
+            return
+        twins = self._twins
+        now, pose, view = twins.timeline.clock.now(), twins.pose(), twins.viewpoint()
+        self._trail.append((pose.x, pose.y))
+        above = self._map.draw(now, pose, camera=view, field_of_view=twins.lens.field_of_view, trail=self._trail)
+        panes = [above]
+        if self._body is not None:
+            panes.insert(0, self._body.draw(now))
+        if self._body is None or "camera" in twins.parts:
+            panes.insert(0, self._renderer.draw(view, now))
+        if twins.screen is not None:
+            shown, height = twins.screen.shown(), twins.lens.height
+            panes.append(frame(expression(shown, now), shown.text, (height * 2 // 3, height)))
+        self._movie.write(np.hstack(panes))

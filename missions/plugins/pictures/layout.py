@@ -1,0 +1,420 @@
+"""Where each card of a picture stands: children to the right of their parent, as long as the page is wide enough.
+
+Where it is not, they stand below it and a little to the right, as in the file: a deep tree grows downwards, and stays
+legible without being scaled down. A node is at the height of its first child, so that a picture is read from its upper
+left corner. The tree of a sub-mission stands on a panel of its own.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from math import ceil
+from typing import Literal
+from unicodedata import category, combining, east_asian_width, normalize
+
+from missions.plugins.pictures.compare import Comparison, Pair
+from missions.trees.drawing import SIGNS, Box, Drawing, Status
+
+# How wide a text is in DejaVu Sans, so that a picture is laid out without a font, and the same on every machine.
+#
+# It is among the widest of the usual sans: where another takes its place, every text still fits.
+
+_REGULAR = """
+318 401 460 838 637 951 780 275 391 391 500 838 318 361 318 337 637 637 637 637 637 637 637 637 637 637 337 337 838 838
+838 531 1000 685 687 699 771 632 576 775 752 295 295 656 558 863 749 788 604 788 695 635 611 732 685 989 686 611 686
+391 337 391 838 500 500 613 635 550 635 616 353 635 634 278 278 580 278 975 634 612 635 635 412 521 393 634 592 818 592
+592 525 637 337 637 838"""
+_BOLD = """
+349 457 521 838 696 1002 873 307 458 458 523 838 380 416 380 366 696 696 696 696 696 696 696 696 696 696 400 400 838 838
+838 581 1000 774 763 734 831 684 684 821 837 373 373 775 638 996 837 851 733 851 771 721 683 813 774 1104 771 725 726
+458 366 458 838 500 500 675 716 593 716 679 436 716 712 343 343 666 343 1042 712 688 716 716 494 596 479 712 652 924 646
+652 583 712 366 712 838"""
+# Thousandths of the font's size for each character of ASCII from the blank on, as the font's own table has them.
+
+_LETTER, _SIGN, _WIDE = 0.75, 1.0, 1.05
+"""What small letters of other scripts take in a word, and what other signs and capitals, and those of East Asia do."""
+_BROAD = frozenset("ÆŒæœƕƣǶȡȵȸȹωϖϣͳЉЊЖШЩЮжмфшщыюљњ‰‱№")
+_BROADER = 1.4
+"""Letters and signs that are as broad as two, and how many times what others of their kind take they do."""
+_HORN = 0.15
+"""What a horn, or a caron written as an apostrophe, adds to its letter, as in ơ and ľ."""
+
+
+def width(text: str, size: float, *, bold: bool = False) -> float:
+    """Return how far ``text`` reaches in a font of ``size``, in the same unit."""
+    return size * sum(_advance(letter, bold) for letter in text)
+
+
+def cut(text: str, size: float, most: float, *, bold: bool = False) -> str:
+    """Return ``text`` in one line no wider than ``most``; what is cut off, an ellipsis stands for."""
+    text = " ".join(text.split())
+    if width(text, size, bold=bold) <= most:
+        return text
+    room = most - width("…", size, bold=bold)
+    kept = 0
+    for letter in text:
+        room -= width(letter, size, bold=bold)
+        if room < 0:
+            break
+        kept += 1
+    return f"{text[:kept].rstrip()}…"
+
+
+def packed(items: Iterable[str], blank: str, size: float, most: float, lines: int) -> tuple[str, ...]:
+    """Fill at most ``lines`` lines with ``items``, ``blank`` between them; an ellipsis stands for what is more.
+
+    An item that is wider than a line is broken between its words, all others stay in one piece.
+    """
+    rows: list[str] = []
+    for glue, word in _words(items, blank, size, most):
+        longer = f"{rows[-1]}{glue}{word}" if rows else word
+        if rows and (len(rows) == lines or width(longer, size) <= most):
+            rows[-1] = longer
+        else:
+            rows.append(word)
+    return tuple(cut(row, size, most) for row in rows)
+
+
+def _words(items: Iterable[str], blank: str, size: float, most: float) -> Iterator[tuple[str, str]]:
+    """Yield what stays together, each with what stands before it on the same line."""
+    for item in items:
+        words = [item] if width(item, size) <= most else item.split()
+        yield from zip([blank, *(" " for _ in words)], words, strict=False)
+
+
+@lru_cache(maxsize=4096)
+def _advance(letter: str, bold: bool) -> float:
+    """Return the width of one character in a font of size 1."""
+    if combining(letter) or category(letter) in ("Cf", "Mn", "Me"):
+        return 0.0
+    parts = [each for each in normalize("NFKD", letter) if category(each).startswith("L")]
+    if len(parts) > 1:  # two letters in one, such as dž
+        return sum(_advance(each, bold) for each in parts)
+    plain, *marks = list(normalize("NFD", letter))  # an accent makes no letter wider
+    horn = _HORN if "\u031b" in marks or (plain == "l" and "\u030c" in marks) else 0.0
+    if " " <= plain <= "~":
+        return int((_BOLD if bold else _REGULAR).split()[ord(plain) - ord(" ")]) / 1000 + horn
+    if east_asian_width(letter) in "WF":
+        return _WIDE
+    usual = _LETTER if category(letter) == "Ll" else _SIGN
+    return usual * (_BROADER if plain in _BROAD else 1.0) * (1.1 if bold else 1.0)
+
+
+# A node as it is drawn: a card with a few short lines of text, each with its place on the card.
+#
+# Title, arguments, modifiers and the reason stand below each other; all of it in whole pixels, so that a picture is
+# the same everywhere. What is too long ends in "…": a picture's tooltip has the rest.
+
+Part = Literal["symbol", "kind", "name", "sign", "line", "argument", "badge", "reason", "change", "folded"]
+
+SIZES: Mapping[Part, int] = {"symbol": 14, "kind": 13, "name": 13, "sign": 13, "line": 10}
+"""The size of the font of each part of a card; that of all others is ``SMALL``."""
+
+SMALL = 11
+
+BAND, MAX_WIDTH, PAD = 30, 320, 11
+"""The band at the left that the symbol stands on, the widest line, and the blank beside it; all in pixels."""
+
+TITLE_ROW, SMALL_ROW, BADGE_ROW, BADGE_PAD = 20, 16, 23, 7
+"""The heights of the rows, and the blank at both ends of a badge."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A text on a card: ``x`` and its base line ``y`` from the card's upper left corner. A badge has a status too."""
+
+    part: Part
+    text: str
+    x: int
+    y: int
+    width: int
+    status: Status = "idle"
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """A box with its lines; ``width`` and ``height`` hold all of them."""
+
+    box: Box
+    width: int
+    height: int
+    lines: tuple[Line, ...]
+
+
+def card(box: Box, *, live: bool = False, change: str = "") -> Card:
+    """Return the card of ``box``: with signs of statuses if ``live``; ``change`` says in which way it differs."""
+    writer = _Writer()
+    writer.title(box, live)
+    writer.small("argument", _packed(_arguments(box), ", ", 3))
+    writer.badges(box, live)
+    writer.small("folded", [f"{box.folded} more inside"] if box.folded else [])
+    writer.small("reason", _packed(_reasons(box), "; ", 2))
+    writer.small("change", _packed(change.split("\n") if change else [], "; ", 3))
+    return writer.card(box)
+
+
+class _Writer:
+    """Writes the rows of one card from the top downwards."""
+
+    def __init__(self) -> None:
+        self._lines: list[Line] = []
+        self._y = 5  # where the next row begins
+
+    def title(self, box: Box, live: bool) -> None:
+        """Write kind, name, the sign of the status, and the line of the file."""
+        base = self._y + 15
+        self._write("symbol", box.symbol, (BAND - ceil(width(box.symbol, SIZES["symbol"]))) // 2, base)
+        kind = cut(box.kind, SIZES["kind"], MAX_WIDTH / 2, bold=True)
+        x = self._write("kind", kind, BAND + PAD, base)
+        x = self._write("name", cut(_name(box), SIZES["name"], MAX_WIDTH), x, base)
+        if live:
+            x = self._write("sign", SIGNS[box.status], x + 12, base)
+        self._write("line", f":{box.line}", x + 10, base)
+        self._y += TITLE_ROW
+
+    def small(self, part: Part, texts: Iterable[str]) -> None:
+        """Write lines of small print."""
+        for text in texts:
+            self._write(part, text, BAND + PAD, self._y + 12)
+            self._y += SMALL_ROW
+
+    def badges(self, box: Box, live: bool) -> None:
+        """Write the modifiers, as many in a row as there is room for."""
+        if not box.badges:
+            return
+        x = left = BAND + PAD - 2
+        self._y += 3
+        for badge in box.badges:
+            sign = f"{SIGNS[badge.status]} " if live else ""
+            text = cut(f"{sign}{badge.kind} {badge.text}", SMALL, MAX_WIDTH - 2 * BADGE_PAD)
+            end = x + ceil(width(text, SMALL)) + 2 * BADGE_PAD
+            if x > left and end > left + MAX_WIDTH:
+                end, x, self._y = end - x + left, left, self._y + BADGE_ROW
+            self._lines.append(Line("badge", text, x + BADGE_PAD, self._y + 14, end - x - 2 * BADGE_PAD, badge.status))
+            x = end + 6
+        self._y += BADGE_ROW
+
+    def card(self, box: Box) -> Card:
+        """Return what was written; what ends the title's row moves to the right edge."""
+        ends = (line.x + line.width + (BADGE_PAD if line.part == "badge" else 0) for line in self._lines)
+        wide = max(ends) + PAD
+        title = max(line.x + line.width for line in self._lines if line.part == "line")
+        shift = wide - PAD - title
+        lines = (replace(it, x=it.x + shift) if it.part in ("sign", "line") else it for it in self._lines)
+        return Card(box, wide, self._y + 6, tuple(lines))
+
+    def _write(self, part: Part, text: str, x: int, y: int) -> int:
+        """Write one text, and return where it ends."""
+        wide = ceil(width(text, SIZES.get(part, SMALL), bold=part == "kind"))
+        if text:
+            self._lines.append(Line(part, text, x, y, wide))
+        return x + wide
+
+
+def _name(box: Box) -> str:
+    """Return what the title says after the kind; an argument that is too long for it has lines of its own."""
+    name = box.title.removeprefix(box.kind)
+    return "" if not box.untold and box.said and width(name, SIZES["name"]) > MAX_WIDTH else name
+
+
+def _arguments(box: Box) -> Iterator[str]:
+    """Yield the arguments as the file has them, but one that the title says, and the variable that keeps the result."""
+    untold = box.untold if _name(box) else box.arguments
+    yield from (f"{name}: {text}" for name, text in untold.items())
+    if box.keep_as:
+        yield f"as: {box.keep_as}"
+
+
+def _reasons(box: Box) -> Iterator[str]:
+    """Yield why it stands as it does, since when, and what its modifiers add to that."""
+    if box.reason:
+        yield box.reason
+    if box.since is not None:
+        yield f"since {box.since:.2f} s"
+    more = dict.fromkeys(badge.reason for badge in box.badges if badge.reason)
+    yield from (reason for reason in more if reason != box.reason)
+
+
+def _packed(items: Iterable[str], blank: str, rows: int) -> tuple[str, ...]:
+    return packed(items, blank, SMALL, MAX_WIDTH, rows)
+
+
+PAGE, PAIR_PAGE = 1200, 760
+"""Pixels beyond which children stand below their parent: in a picture of one tree, and in that of two."""
+
+GAP, INDENT, ROW = 44, 48, 12
+"""Pixels from a card to a child at its right, from its left edge to a child below it, and between two rows."""
+
+INSET, LABEL = 14, 26
+"""The margin of a panel, and the height of its label."""
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A node's card: its upper left corner, its size, and its lines, which count from that corner."""
+
+    box: Box
+    x: int
+    y: int
+    width: int
+    height: int
+    lines: tuple[Line, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """The way from a node to its child, which stands ``below`` it or at its right."""
+
+    parent: Placed
+    child: Placed
+    below: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """What lies under the tree of a sub-mission."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+    label: str
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """A whole tree, in whole pixels from its upper left corner; panels that hold others come first."""
+
+    placed: tuple[Placed, ...]
+    links: tuple[Link, ...]
+    panels: tuple[Panel, ...]
+    width: int
+    height: int
+
+
+def lay_out(drawing: Drawing) -> Layout:
+    """Return where everything stands in the picture of one tree."""
+    root = _row(drawing.root, is_live(drawing))
+    root.place((0,), 0, PAGE)
+    return _Collected(root, 0).layout()
+
+
+def lay_out_pair(comparison: Comparison) -> tuple[Layout, Layout]:
+    """Return the same for two trees that are compared: what belongs together stands at the same height."""
+    root = _pair_row(comparison.root, is_live(comparison.left), is_live(comparison.right))
+    root.place((0, 0), 0, PAIR_PAGE)
+    return _Collected(root, 0).layout(), _Collected(root, 1).layout()
+
+
+def is_live(drawing: Drawing) -> bool:
+    """Say whether it shows a moment of a run, and not only the mission."""
+    return drawing.time is not None or any(box.status != "idle" for box in drawing.root.walk())
+
+
+@dataclass(slots=True)
+class _Row:
+    """A node of the layout: its card in each of the pictures that lie side by side, None where it has none there.
+
+    ``spans`` say how wide it is with all below it, had it all room to its right.
+    """
+
+    cards: tuple[Card | None, ...]
+    children: Sequence["_Row"]
+    panelled: bool
+    spans: tuple[int, ...] = field(init=False)
+    xs: tuple[int, ...] = field(init=False)
+    y: int = field(init=False)
+    bottom: int = field(init=False)
+    below: bool = field(default=False, init=False)
+
+    def __post_init__(self) -> None:
+        inner = [max((child.spans[picture] for child in self.children), default=0) for picture in self._pictures]
+        blank = GAP + self._before if self.children else 0
+        after = INSET if self.panelled else 0
+        self.spans = tuple(self._width(picture) + blank + inner[picture] + after for picture in self._pictures)
+
+    def place(self, xs: tuple[int, ...], top: int, page: int) -> None:
+        """Say of it and of all below it where they stand: ``xs`` in each picture, ``top`` in all of them."""
+        self.xs, self.y = xs, top
+        self.bottom = top + max(each.height for each in self.cards if each is not None)
+        if not self.children:
+            return
+        self.below = any(x + span > page for x, span in zip(xs, self.spans, strict=True))
+        ahead = (INDENT if self.below else self._width(picture) + GAP for picture in self._pictures)
+        inner = tuple(x + more + self._before for x, more in zip(xs, ahead, strict=True))
+        under = self.panel_top + (LABEL if self.panelled else 0)
+        for child in self.children:
+            child.place(inner, under, page)
+            under = child.bottom + ROW
+        self.bottom = max(self.bottom, under - ROW + (INSET if self.panelled else 0))
+
+    @property
+    def panel_top(self) -> int:
+        """The height at which what is below it begins."""
+        return self.y + max(each.height for each in self.cards if each is not None) + ROW if self.below else self.y
+
+    @property
+    def _before(self) -> int:
+        """The room that its children need before them: for the margin of a panel, and for the cases of a switch."""
+        cards = (each for child in self.children for each in child.cards if each is not None)
+        return (INSET if self.panelled else 0) + max((case_width(each.box) for each in cards), default=0)
+
+    @property
+    def _pictures(self) -> range:
+        return range(len(self.cards))
+
+    def _width(self, picture: int) -> int:
+        found = self.cards[picture]
+        return 0 if found is None else found.width
+
+
+def case_width(box: Box) -> int:
+    """Return how much room the label needs under which a switch chooses a node."""
+    return ceil(width(box.case, SMALL)) + 10 if box.case else 0
+
+
+def _row(box: Box, live: bool) -> _Row:
+    children = [_row(child, live) for child in box.children]
+    return _Row((card(box, live=live),), children, bool(box.mission and children))
+
+
+def _pair_row(pair: Pair, live_left: bool, live_right: bool) -> _Row:
+    left = None if pair.left is None else card(pair.left, live=live_left)
+    right = None if pair.right is None else card(pair.right, live=live_right, change=pair.what)
+    children = [_pair_row(child, live_left, live_right) for child in pair.children]
+    panelled = any(each is not None and each.box.mission and each.box.children for each in (left, right))
+    return _Row((left, right), children, panelled)
+
+
+class _Collected:
+    """Collects what stands in one of the pictures of rows that are placed."""
+
+    def __init__(self, root: _Row, picture: int) -> None:
+        self._picture = picture
+        self._placed: list[Placed] = []
+        self._links: list[Link] = []
+        self._panels: list[Panel] = []
+        self._right = self._collect(root, None, False)
+
+    def layout(self) -> Layout:
+        """Return all of it."""
+        bottoms = [each.y + each.height for each in self._placed] + [each.y + each.height for each in self._panels]
+        panels = tuple(reversed(self._panels))
+        return Layout(tuple(self._placed), tuple(self._links), panels, self._right, max(bottoms))
+
+    def _collect(self, row: _Row, parent: Placed | None, below: bool) -> int:
+        """Collect a row and all below it; return where the rightmost of them ends."""
+        found = row.cards[self._picture]
+        if found is None:  # nor is there anything below it
+            return 0
+        placed = Placed(found.box, row.xs[self._picture], row.y, found.width, found.height, found.lines)
+        self._placed.append(placed)
+        if parent is not None:
+            self._links.append(Link(parent, placed, below))
+        right = max((self._collect(child, placed, row.below) for child in row.children), default=0)
+        if found.box.mission and found.box.children:
+            left = row.children[0].xs[self._picture] - INSET
+            right += INSET
+            label = found.box.children[0].file
+            self._panels.append(Panel(left, row.panel_top, right - left, row.bottom - row.panel_top, label))
+        return max(right, placed.x + placed.width)

@@ -1,0 +1,73 @@
+"""Pictures of movements: where each joint is to be over time, and where it was. Needs the extra ``plots``."""
+
+from collections.abc import Mapping, Sequence
+from math import ceil, degrees
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from drivers.api import JointLimits
+from missions.plugins.pictures.figures import save_figure
+
+FORMATS = (".png", ".svg")
+"""The endings of pictures that can be drawn."""
+
+GOAL, MEASURED, LIMIT = "#2a78b5", "#c8553d", "#8a8f98"
+"""Colours: what was sent, what was measured, and how far a joint may go."""
+
+COLUMNS = 2
+"""Joints beside each other."""
+
+
+def draw_move(
+    path: Path,
+    title: str,
+    goals: Mapping[str, tuple[Sequence[float], Sequence[float]]],
+    limits: Mapping[str, JointLimits],
+    *,
+    measured: Mapping[str, tuple[Sequence[float], Sequence[float]]] | None = None,
+) -> None:
+    """Draw a panel for each joint: its goals, its limits, and what was ``measured``; each as (times, angles).
+
+    Times in seconds, angles in radians. Raises ValueError for a picture of another format, OSError where it cannot be
+    written.
+    """
+    if path.suffix not in FORMATS:
+        raise ValueError(f"{path}: a picture ends in {' or '.join(FORMATS)}")
+    columns = min(COLUMNS, len(goals))
+    rows = ceil(len(goals) / columns)
+    figure = Figure(figsize=(6.0 * columns, 0.8 + 2.2 * rows), layout="constrained")
+    FigureCanvasAgg(figure)  # a canvas of its own: no window, and nothing global
+    figure.suptitle(title)
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=True)
+    for axes, (joint, (times, angles)) in zip(grid.flat, goals.items(), strict=False):
+        axes.plot(times, [degrees(angle) for angle in angles], color=GOAL, linewidth=1.4, label="goal")
+        if measured is not None and joint in measured:
+            when, where = measured[joint]
+            axes.plot(when, [degrees(angle) for angle in where], color=MEASURED, linewidth=1.0, label="measured")
+        if joint in limits:
+            _limits(axes, limits[joint])
+        axes.set_title(joint, fontsize=10)
+        axes.set_ylabel("deg")
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(color=LIMIT, alpha=0.25)
+    for axes in list(grid.flat)[len(goals) :]:
+        axes.set_axis_off()
+    for axes in grid[-1]:
+        axes.set_xlabel("s")
+    entries = {
+        label: handle for axes in grid.flat for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=len(entries), frameon=False)
+    save_figure(figure, path, 90)
+
+
+def _limits(axes: Axes, limits: JointLimits) -> None:
+    """Draw how far the joint may go, where that is near to what it does."""
+    low, high = axes.get_ylim()
+    margin = max(5.0, 0.25 * (high - low))
+    near = [degrees(end) for end in (limits.lower, limits.upper) if low - margin <= degrees(end) <= high + margin]
+    for number, end in enumerate(near):
+        axes.axhline(end, color=LIMIT, linestyle=":", linewidth=1.0, label="limit" if number == 0 else None)

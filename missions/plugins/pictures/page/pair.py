@@ -1,0 +1,86 @@
+"""The page of two missions: one tree of pairs, the left mission's node at the left and the right one's at the right."""
+
+from missions.plugins.pictures.compare import CHANGES, Comparison, Pair
+from missions.plugins.pictures.page.document import Markup, document, join, tag
+from missions.plugins.pictures.page.tree import button, card, item, toolbar, tools, tree, unfold, window
+from missions.trees.drawing import Box, Drawing
+
+# The page of one mission: its tree, to be looked at, searched and folded.
+
+
+def page(drawing: Drawing) -> str:
+    """Return the page of a mission, or of a moment of a record."""
+    title = f"Mission {drawing.mission}"
+    count = drawing.root.nodes
+    facts = [drawing.file, f"{count} nodes" if count > 1 else "1 node"]
+    facts += [f"as it stood{moment(drawing)}"] if drawing.time is not None else []
+    return document(title, join(header(title, drawing.summary, facts), tools(drawing), tree(drawing, label=title)))
+
+
+def moment(drawing: Drawing) -> str:
+    """Return " at 5.00 s" for a drawing of a moment of a run, nothing for one of a mission at rest."""
+    return "" if drawing.time is None else f" at {drawing.time:.2f} s"
+
+
+def header(title: str, summary: str, facts: list[str]) -> Markup:
+    """Return the head of a page: what it is of, in a sentence, and a line of facts."""
+    said = tag("p", summary) if summary else ""
+    return tag("header", tag("h1", title), said, tag("p", " · ".join(facts), class_="facts"))
+
+
+def pair_page(comparison: Comparison) -> str:
+    """Return the page of a comparison."""
+    left, right = comparison.left, comparison.right
+    title = f"{left.mission} and {right.mission}" if left.mission != right.mission else f"{left.mission}, two versions"
+    bar = toolbar(
+        button("Next change", data_next='[data-change]:not([data-change="same"])'),
+        button("Fold what is the same", data_fold="[data-alike]"),
+        unfold(),
+    )
+    sides = tag("div", *(tag("b", f"{each.file}{moment(each)}") for each in (left, right)), class_="sides")
+    root = _item(comparison.root, "0", (left.time, right.time))
+    content = join(
+        header(title, comparison.summary.capitalize() + ".", [left.file, right.file]),
+        bar,
+        window(root, label=title, layout="pairs", above=sides),
+    )
+    return document(title, content)
+
+
+def _item(pair: Pair, key: str, times: tuple[float | None, float | None], level: int = 0) -> Markup:
+    """Return the item of a pair, at the ``times`` of its two sides.
+
+    Its key is its place in this tree: the two nodes have keys of their own.
+    """
+    children = [
+        _item(child, f"{key}.{number}", times, level + 1) for number, child in enumerate(pair.children, start=1)
+    ]
+    mark = tag(
+        "span",
+        tag("span", CHANGES[pair.change], aria_hidden="true"),
+        _unseen(pair.change),
+        class_="mark",
+        title=pair.change,
+    )
+    again = pair.change == "same" and times == (None, None)
+    what = tag("span", pair.what, class_="what") if pair.what else ""
+    return item(
+        key,
+        join(mark, _half(pair.left, times[0]), _half(pair.right, times[1], again=again), what),
+        children,
+        first=level == 0,
+        style=f"--level:{level}",
+        data_change=pair.change,
+        data_alike=all(each.change == "same" for each in pair.walk()),
+    )
+
+
+def _half(box: Box | None, time: float | None, *, again: bool = False) -> Markup:
+    """Return one side of a pair; to the ear only if it does not say the other's ``again``."""
+    return tag(
+        "div", card(box, time) if box is not None else _unseen("nothing"), class_="half", aria_hidden=again and "true"
+    )
+
+
+def _unseen(word: str) -> Markup:
+    return tag("span", word, class_="unseen")

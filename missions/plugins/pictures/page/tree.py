@@ -1,0 +1,207 @@
+"""The tree of a mission as nested lists: an outline that can be read without script, or drawn from left to right.
+
+Style and script find all that they need by its roles and attributes. A page has one tree, and ``tools`` for it.
+"""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+
+from missions.plugins.pictures.page.document import Markup, join, start, tag
+from missions.plugins.pictures.svg import kind_of
+from missions.trees.draw import legend
+from missions.trees.drawing import SIGNS, Badge, Box, Drawing, Status
+
+# A node as the page shows it: a card with all that is known of it. To a screen reader that is the node's name.
+#
+# Order and wording are for the ear as well: first what it is, then how it stands and why, then the rest. Signs are
+# hidden from screen readers; a word that only they need is "unseen".
+
+
+def card(box: Box, time: float | None = None) -> Markup:
+    """Return the lines of a card. At a ``time`` it says how the node stands, and for how long."""
+    return join(*_lines(box, time))
+
+
+def _lines(box: Box, time: float | None) -> Iterator[Markup]:
+    live = time is not None
+    if box.case:
+        yield tag("span", box.case if box.case == "else" else f"case {box.case}", class_="case")
+    yield _title(box, live=live)
+    if time is not None:
+        yield _state(box.status, box.reason, "" if box.since is None else _age(box.status, time - box.since))
+    for name, text in box.untold.items():
+        yield _argument(name, text)
+    if box.keep_as:
+        yield _argument("as", box.keep_as)
+    if box.badges:
+        yield tag("span", *(_badge(badge, live=live) for badge in box.badges), class_="badges")
+    if box.folded:
+        yield tag("span", f"{box.folded} more inside", class_="argument")
+
+
+def _argument(name: str, text: str) -> Markup:
+    return tag("span", tag("i", name), " ", text, class_="argument")
+
+
+def _title(box: Box, *, live: bool) -> Markup:
+    kind, _, name = box.title.partition(": ")
+    named = [tag("b", kind), f" {name}" if name else "", *(["\u00a0", _sign(box.status)] if live else [])]
+    return tag(
+        "span",
+        tag("span", box.symbol, class_="symbol", aria_hidden="true"),
+        tag("span", *named),
+        " ",
+        tag(
+            "span",
+            tag("span", box.file, class_="unseen"),
+            f":{box.line}",
+            class_="line",
+            title=f"{box.file}:{box.line}",
+        ),
+        class_="title",
+    )
+
+
+def _age(status: Status, seconds: float) -> str:
+    """Return for how long it has been running, or when that ended, as the script of a report writes it too."""
+    return f"{seconds:.1f} s" if status in ("running", "suspended") else f"{seconds:.1f} s ago"
+
+
+def _state(status: Status, reason: str, age: str) -> Markup:
+    """Return how it stands: the word, for how long, and why, as ``showStates`` of the script writes them too."""
+    return tag(
+        "span",
+        tag("span", status, class_="word"),
+        tag("span", f" {age}" if age else "", class_="age"),
+        tag("span", f" {reason}" if reason else "", class_="reason"),
+        class_="state",
+    )
+
+
+def _sign(status: Status) -> Markup:
+    return tag("span", SIGNS[status], class_="sign", aria_hidden="true")
+
+
+def _badge(badge: Badge, *, live: bool) -> Markup:
+    """Return a modifier. What it says for itself counts; as to all else it stands as what it modifies."""
+    text = f"{badge.kind} {badge.text}".strip()
+    if not live:
+        return tag("span", text, class_="badge", title=f"line {badge.line}")
+    state = _state(badge.status, badge.reason, "")
+    return tag(
+        "span", _sign(badge.status), " ", text, " ", state,
+        class_="badge", data_key=badge.key, data_status=badge.status, title=f"line {badge.line}",
+    )  # fmt: skip
+
+
+# What stands above a tree: search, fold, layout, zoom, and the legend. The script that works them shows them.
+
+STATUSES: Mapping[Status, str] = {
+    "idle": "is not being asked",
+    "running": "is at work",
+    "suspended": "waits for a sensor that does not report",
+    "success": "has done it, or says yes",
+    "skipped": "was not started: its condition was false",
+    "failure": "could not do it, or says no",
+}
+"""What each status says of a node."""
+
+
+def tools(drawing: Drawing) -> Markup:
+    """Return the tools for ``tree(drawing)``, and a legend of the signs in it."""
+    missions = any(box.mission and box.children for box in drawing.root.walk())
+    fold = button("Fold sub-missions", data_fold="[data-mission]") if missions else ""
+    return join(toolbar(fold, unfold(), button("Outline", data_outline=True, aria_pressed="true")), _legend(drawing))
+
+
+def toolbar(*buttons: str) -> Markup:
+    """Return a bar with the search, these buttons, and the zoom."""
+    finder = tag(
+        "span",
+        start("input", type="search", aria_label="Search nodes", placeholder="Search  /", autocomplete="off"),
+        tag("span", role="status", class_="count"),
+        class_="finder",
+    )
+    zoom = tag(
+        "span",
+        button("\N{MINUS SIGN}", aria_label="Zoom out", data_zoom="out"),
+        button("100 %", aria_label="Zoom to 100 %", data_zoom="none"),
+        button("+", aria_label="Zoom in", data_zoom="in"),
+        button("Fit", aria_label="Zoom to fit the width", data_zoom="fit"),
+        class_="joined",
+    )
+    return tag("div", finder, *buttons, zoom, role="search", aria_label="Tree", class_="tools", hidden=True)
+
+
+def button(text: str, **attributes: str | bool | None) -> Markup:
+    """Return a button; the script knows by its attributes what it does."""
+    return tag("button", text, type="button", **attributes)
+
+
+def unfold() -> Markup:
+    """Return the button that unfolds all."""
+    return button("Unfold all", data_unfold=True)
+
+
+def _legend(drawing: Drawing) -> Markup:
+    """Return what the signs mean, those that are in the drawing."""
+    used = {box.symbol for box in drawing.root.walk()}
+    rows = [(sign, word, what) for sign, word, what in legend() if sign in used]
+    rows += [(sign, status, STATUSES[status]) for status, sign in SIGNS.items() if drawing.time is not None]
+    terms = (
+        join(tag("dt", tag("span", sign, class_="symbol"), " ", word), tag("dd", what)) for sign, word, what in rows
+    )
+    return tag("details", tag("summary", "Legend"), tag("dl", *terms), class_="legend")
+
+
+def tree(drawing: Drawing, *, label: str) -> Markup:
+    """Return the tree; ``label`` is its name to a screen reader.
+
+    A drawing that has a ``time`` says how each node stands, and ``missiontree.showStates`` may change that later.
+    """
+    live = drawing.time is not None
+    return window(
+        _item(drawing.root, drawing.time, first=True), label=label, layout="outline live" if live else "outline"
+    )
+
+
+def window(root: Markup, *, label: str, layout: str, above: str = "") -> Markup:
+    """Return the window in which the tree of a ``root`` scrolls, with a line ``above`` it that stays in view.
+
+    ``layout`` is its class in the style: "outline", which the script may turn into "spread", or "pairs".
+    """
+    signs = json.dumps(SIGNS, ensure_ascii=False)
+    listed = tag("ul", root, role="tree", aria_label=label, class_=layout, data_signs=signs)
+    return tag("div", above, listed, class_="window")
+
+
+def item(
+    key: str, content: Markup, children: Sequence[Markup], *, first: bool, **attributes: str | bool | None
+) -> Markup:
+    """Return an item of a tree, named by its content. The ``first`` is where the keyboard enters the tree."""
+    fold = tag("span", class_="fold", aria_hidden="true") if children else ""
+    return tag(
+        "li",
+        tag("div", fold, content, class_="box", id=f"node-{key}"),
+        tag("ul", *children, role="group") if children else "",
+        role="treeitem",
+        aria_labelledby=f"node-{key}",
+        aria_expanded="true" if children else None,
+        tabindex=0 if first else -1,
+        data_key=key,
+        **attributes,
+    )
+
+
+def _item(box: Box, time: float | None, *, first: bool = False) -> Markup:
+    live = time is not None
+    return item(
+        box.key,
+        card(box, time),
+        [_item(child, time) for child in box.children],
+        first=first,
+        data_status=box.status if live else None,
+        data_outer=box.outer if live else None,
+        data_mission=box.mission or None,
+        data_sort=kind_of(box),
+    )

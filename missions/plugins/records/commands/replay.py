@@ -1,0 +1,231 @@
+"""``mission replay``: a record again, as a play, as a film, or as decisions made anew."""
+
+import shlex
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+import click
+from rich.live import Live
+
+from drivers.clock import SystemClock
+from missions.cli.keys import Keys, interruptible
+from missions.cli.names import MISSION
+from missions.cli.numbers import Real
+from missions.cli.options import SECONDS, behaviours_option
+from missions.cli.printable import console
+from missions.cli.root import FAILURE, SUCCESS, USAGE
+from missions.plugins.pictures.movie import Movie, check_place
+from missions.plugins.records.recording.read import Record, open_record
+
+if TYPE_CHECKING:
+    from missions.plugins.records.replay.sources import Sources
+
+RATE = 12.5
+"""Pictures a second in a film."""
+
+REFRESH = 0.1
+"""Seconds between two drawings of the player's screen."""
+
+
+@click.command(epilog="Example: mission replay monday.mcap --rerun")
+@click.argument("file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.option("--at", type=SECONDS, default=0.0, metavar="TIME", help="Begin there, such as 12.5s.")
+@click.option(
+    "--speed",
+    type=Real(min=0, min_open=True, max=1000),
+    default=1.0,
+    metavar="TIMES",
+    help="Play it so many times as fast as it was.",
+)
+@click.option(
+    "--frames",
+    type=click.Path(path_type=Path),
+    metavar="OUT",
+    help="Write the pictures, with what was seen in them: a .webm, or a folder.",
+)
+@click.option("--rerun", "decide", is_flag=True, help="Decide it all again, and compare: nothing moves.")
+@click.option("--recorded", is_flag=True, help="Take the files that the record holds, not those of today.")
+@click.option(
+    "--mission", type=MISSION, metavar="MISSION", help="Decide another mission on this record (a name or a file)."
+)
+@behaviours_option
+@click.option("--trust-code", is_flag=True, help="Run the Python that the record holds: its sender may do anything.")
+@click.option("--see", "look", is_flag=True, help="Search the pictures again, with today's perception, and compare.")
+def command(
+    file: Path,
+    at: float,
+    speed: float,
+    frames: Path | None,
+    decide: bool,
+    recorded: bool,
+    mission: str | None,
+    files: tuple[Path, ...],
+    trust_code: bool,
+    look: bool,
+) -> int:
+    """Play a record in the terminal; or make a film of it, decide it again, see it again.
+
+    Keys: space plays and pauses, left and right go back and on, up and down change the speed, comma and point go from
+    tick to tick, f and F to the next failure and the one before, / searches, n and N go on with that, 0 to 9 go to
+    tenths of it, q quits. Without a terminal, what happened is written line by line.
+
+    Exit code 0 is that all is as it was, 1 that something is not, 2 that it cannot be said.
+    """
+    if sum((frames is not None, decide, look)) > 1:
+        raise click.UsageError("one of --frames, --rerun and --see at a time")
+    if (recorded or mission is not None or files or trust_code) and not (decide or look):
+        options = "--recorded, --mission, --behaviours and --trust-code"
+        raise click.UsageError(f"{options} say what is decided or seen again: add --rerun or --see")
+    if frames is not None:
+        check_place(frames, "--frames")
+    record = open_record(file)
+    again = _Again(code=files, recorded=recorded, trusted=trust_code)
+    if frames is not None:
+        return _film(record, frames)
+    if decide:
+        return _decide(record, mission, again)
+    if look:
+        return _look(record, mission, again)
+    return _play(record, at, speed)
+
+
+def _play(record: Record, at: float, speed: float) -> int:
+    """Play it with keys or, without a terminal, write all that happened from ``at`` on."""
+    from missions.plugins.records.replay.play import Player  # noqa: PLC0415 - as below, what one option needs is not loaded for all
+    from missions.plugins.records.replay.screen import Screen, lines  # noqa: PLC0415
+
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        for line in lines(record, at):
+            click.echo(line)
+        return SUCCESS
+    player, screen, shown_on, clock = Player(record, at=at, speed=speed), Screen(record), console(), SystemClock()
+    with (
+        interruptible(),
+        Keys(sys.stdin.fileno()) as keys,
+        Live(console=shown_on, screen=True, auto_refresh=False) as live,
+    ):
+        shown = clock.now()
+        going_on = True
+        while going_on:
+            live.update(screen.draw(player, shown_on.size.height), refresh=True)
+            key = keys.read(REFRESH)
+            before, shown = shown, clock.now()
+            player.go_on(shown - before)
+            going_on = not key or player.press(key)
+    return SUCCESS
+
+
+def _film(record: Record, path: Path) -> int:
+    from missions.plugins.records.replay.frames import annotated, steady  # noqa: PLC0415
+
+    with Movie(path, rate=RATE, option="--frames") as movie:
+        pictures = annotated(record)
+        for picture in steady(pictures, RATE) if movie.is_film else (picture for _, picture in pictures):
+            movie.write(picture)
+    if not movie.pictures:
+        raise click.UsageError(_no_pictures(record))
+    if movie.trouble:
+        raise click.ClickException(movie.trouble)
+    click.echo(f"wrote {movie.pictures} pictures to {path}")
+    return SUCCESS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Again:
+    """With which files a record is decided or seen again: see ``missions.plugins.records.replay.sources.Sources``."""
+
+    code: Sequence[Path]
+    recorded: bool
+    trusted: bool
+
+
+def _decide(record: Record, mission: str | None, again: _Again) -> int:
+    """Decide it again, and say whether all is as it was."""
+    from missions.plugins.records.replay.rerun import rerun  # noqa: PLC0415
+    from missions.plugins.records.replay.words import about_rerun  # noqa: PLC0415
+
+    if problem := _undecidable(record):
+        raise click.UsageError(problem)
+    with _sources(record, again) as sources:
+        config = sources.robot()
+        found = rerun(record, sources.plan(config, mission), config, seed=record.head.seed, lag=record.head.lag)
+        for line in about_rerun(found, sources):
+            click.echo(line)
+    if not found.nodes or found.unheard:
+        return USAGE
+    return SUCCESS if found.same else FAILURE
+
+
+def _look(record: Record, mission: str | None, again: _Again) -> int:
+    """Search the pictures again, and say whether all is found that was."""
+    from missions.library.interests import interests_of  # noqa: PLC0415
+    from missions.plugins.records.replay.see import see  # noqa: PLC0415
+    from missions.plugins.records.replay.words import about_sight  # noqa: PLC0415
+
+    with _sources(record, again) as sources:
+        config = sources.robot()
+        if config.camera is None:
+            raise click.UsageError(f"{config.name} has no camera")
+        try:
+            seen = see(record, config.camera, interests_of(sources.plan(config, mission).tree, config.camera))
+        except FileNotFoundError as error:  # of a detector
+            raise click.UsageError(str(error)) from error
+        if not seen.pictures:
+            raise click.UsageError(_no_pictures(record))
+        for line in about_sight(seen):
+            click.echo(line)
+    return FAILURE if seen.lost else SUCCESS
+
+
+@contextmanager
+def _sources(record: Record, again: _Again) -> Iterator["Sources"]:
+    """Unpack the files of a record for as long as they are needed, and say which are others today.
+
+    Raises click.UsageError for a record with code that nobody has said to trust, and lists it.
+    """
+    from missions.plugins.records.replay.sources import Sources  # noqa: PLC0415
+
+    with TemporaryDirectory(prefix="mission-replay-") as folder:
+        sources = Sources(
+            record.head, record.files, Path(folder), recorded=again.recorded, code=again.code, trusted=again.trusted
+        )
+        if code := sources.foreign_code():
+            told = "".join(f"\n  {line}" for line in code)
+            if not again.trusted:
+                raise click.UsageError(f"{record.path} holds Python that would be run:{told}\n{_look_first(record)}")
+            click.echo(f"running the Python of {record.path}:{told}")
+        sources.unpack()
+        for line in () if again.recorded else sources.changed():
+            click.echo(line)
+        yield sources
+
+
+def _look_first(record: Record) -> str:
+    path = shlex.quote(str(record.path))
+    return (
+        f"  try: mission record export {path} --folder FOLDER, and look into it;\n"
+        "       then --trust-code, or --behaviours FILE.py to run a file of yours instead"
+    )
+
+
+def _undecidable(record: Record) -> str:
+    """Say why a record is not enough to decide it again; nothing where it is."""
+    if record.cut_from is not None:
+        return f"{record.path} is a piece from {record.cut_from:g} s on: decisions need the record from its beginning"
+    if record.head.mocks:
+        return f"{record.path} is of a test with mocks ({', '.join(record.head.mocks)}), which no mission file tells of"
+    lost = {topic: count for topic, count in record.lost().items() if topic in ("/moments", "/nodes") and count}
+    if lost:
+        counts = ", ".join(f"{count} of {topic}" for topic, count in lost.items())
+        return f"{record.path} has lost messages while it was written: {counts}"
+    return ""
+
+
+def _no_pictures(record: Record) -> str:
+    eyes = " with --eyes truth, which needs none" if record.head.eyes == "truth" else ""
+    return f"{record.path} has no pictures: it was recorded{eyes or ' without a camera, or with --record-frames 0'}"

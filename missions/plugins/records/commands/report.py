@@ -1,0 +1,75 @@
+"""``mission report``: a record as one page for people who were not there, and as pictures for papers."""
+
+import shlex
+from pathlib import Path
+
+import click
+
+from config.saving import PRIVATE, save_file
+from missions.cli.numbers import Whole
+from missions.cli.outputs import check_folder, writing, wrote
+from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.report.page import page
+from missions.plugins.records.report.study import MOST_PICTURES, Study, study
+
+PAGES = (".html", ".htm")
+"""What the name of a report may end in."""
+
+
+@click.command(epilog="Example: mission report monday.mcap -o monday.html")
+@click.argument("file", metavar="RECORD", type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Write the page there, instead of beside the record (greet_report.html of greet.mcap).",
+)
+@click.option(
+    "--pictures",
+    type=Whole(min=0),
+    default=MOST_PICTURES,
+    show_default=True,
+    metavar="N",
+    help="At most so many pictures of the camera: before failures, and evenly.",
+)
+@click.option(
+    "--plots",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    help="Write the plots there, as PNG for papers; the page only with -o.",
+)
+def command(file: Path, output: Path | None, pictures: int, plots: Path | None) -> None:
+    """Write a report of a record: one page, which needs nothing beside it.
+
+    It has a summary in words, the tree with a slider for time, a timeline of its nodes, variables, pictures with what
+    was seen in them, how head and base moved, the tracking error, and faults.
+    """
+    if output is None and plots is None:
+        output = file.with_name(f"{file.stem}_report.html")  # not the name of a picture of the mission
+    elif output is not None and output.suffix.lower() not in PAGES:
+        raise click.BadParameter(
+            f"{output}: a report is a page of HTML\n  try: -o {shlex.quote(str(output.with_suffix('.html')))}",
+            param_hint="-o",
+        )
+    if plots is not None:
+        check_folder(plots, "--plots", f"--plots {shlex.quote(str(plots.with_suffix('')))}")
+    found = study(open_record(file), most_pictures=pictures if output is not None else 0)
+    try:
+        if output is not None:
+            with writing(output, "-o"):
+                save_file(output, page(found).encode(errors="backslashreplace"), PRIVATE)
+            click.echo(wrote(output))
+        if plots is not None:
+            _plot(found, plots)
+    except OSError as error:
+        raise click.UsageError(f"{error.filename or output or plots}: {error.strerror or error}") from error
+
+
+def _plot(found: Study, folder: Path) -> None:
+    try:
+        from missions.plugins.records.report.papers import draw  # noqa: PLC0415 - needs an extra
+    except ImportError as error:
+        raise click.UsageError("plots need Matplotlib\n  try: pip install 'missiontree[plots]'") from error
+    for path in draw(found, folder):
+        click.echo(wrote(path))

@@ -1,0 +1,53 @@
+"""``mission stats``: the figures of recorded runs."""
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import click
+
+from missions.cli.root import SUCCESS, USAGE
+from missions.plugins.records.recording.faults import InvalidRecordError
+from missions.plugins.records.recording.read import open_record
+from missions.plugins.records.statistics.figures import Stats, merge
+from missions.plugins.records.statistics.gather import gather
+from missions.plugins.records.statistics.table import as_csv, as_json, lines_of
+
+
+@click.command(epilog="Example: mission stats monday.mcap tuesday.mcap")
+@click.argument(
+    "paths",
+    metavar="RECORD...",
+    nargs=-1,
+    required=True,
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+)
+@click.option("--json", "as_what", flag_value="json", help="Everything, as JSON; times in seconds.")
+@click.option("--csv", "as_what", flag_value="csv", help="The nodes, as a table for a spreadsheet; times in seconds.")
+def command(paths: Sequence[Path], as_what: str | None) -> int:
+    """Say how often each node of a mission ran, for how long and with which result, and how quick the robot was.
+
+    Records of one mission on one robot are taken together. What cannot be read is told and left out; the exit code is
+    2 then.
+    """
+    unread: list[Path] = []
+    found = merge(_gathered(paths, unread))
+    if as_what == "json":
+        click.echo(json.dumps([as_json(stats) for stats in found], indent=2, ensure_ascii=False))
+    elif as_what == "csv":
+        click.echo(as_csv(found), nl=False)
+    else:
+        for stats in found:
+            for line in lines_of(stats):
+                click.echo(line)
+    return USAGE if unread else SUCCESS
+
+
+def _gathered(paths: Sequence[Path], unread: list[Path]) -> Iterator[Stats]:
+    """Yield the figures of each record, one at a time in memory; tell of those that cannot be read."""
+    for path in paths:
+        try:
+            yield gather(open_record(path))
+        except (InvalidRecordError, OSError) as error:
+            unread.append(path)
+            click.echo(f"mission: {error}", err=True)

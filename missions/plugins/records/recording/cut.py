@@ -1,0 +1,106 @@
+"""A piece of a record, as a record of its own.
+
+It has the files and the head of the whole, all messages of its time, and before them what held when it begins: the
+newest change of every node and variable, and the newest state of every part. Those keep their own ``t``, but are logged
+at the beginning of the piece, so that other programs show it from there.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from mcap.writer import Writer
+
+from missions.library.private_files import new_file
+from missions.plugins.records.recording.container import Message
+from missions.plugins.records.recording.faults import message_in, understanding
+from missions.plugins.records.recording.moments import Restored, Shortened
+from missions.plugins.records.recording.read import CUT, PROFILE, Record, began_at
+
+KEYS = {"/mission": (), "/nodes": ("node",), "/feedback": ("node",), "/variables": ("scope", "name")}
+"""Of which messages the newest holds on: of those that have these members in common. So do all on ``/state/...``."""
+
+
+def cut(record: Record, start: float, end: float, output: Path, *, force: bool = False) -> int:
+    """Write the piece from ``start`` to ``end`` (seconds of the run, both included); return how many messages it has.
+
+    Raises ExistsError where ``output`` is there already, InvalidRecordError, OSError.
+    """
+    piece = _Piece(record, start, end)
+    with new_file(output, force=force) as file:
+        return piece.write(file)
+
+
+class _Piece:
+    """The piece of ``record`` from ``start`` to ``end``."""
+
+    def __init__(self, record: Record, start: float, end: float) -> None:
+        self._record = record
+        self._start = start
+        self._end = end
+        self._first = began_at(record.head) + round(start * 1e9)
+        self._last = began_at(record.head) + round(end * 1e9)
+        self._restored = Restored()
+        self._shortened = Shortened()
+
+    def write(self, file: BinaryIO) -> int:
+        """Write it all; return how many messages there are."""
+        container = self._record.container
+        held = [message._replace(time=max(message.time, self._first)) for message in self._held()]
+        # All channels are known now that every chunk was read. Any, since only half of the writer is typed.
+        writer: Any = Writer(file, chunk_size=1 << 40)  # a chunk ends where one of the record does
+        writer.start(profile=PROFILE, library=PROFILE)
+        span = {"from": str(self._start), "to": str(self._end), "of": self._record.path.name}
+        for name, table in ({**container.metadata(), CUT: span}).items():
+            writer.add_metadata(name, dict(table))
+        for each in container.attachments():
+            writer.add_attachment(each.create_time, each.log_time, each.name, each.media_type, each.data)
+        schemas = {
+            number: writer.register_schema(schema.name, schema.encoding, schema.data)
+            for number, schema in container.schemas.items()
+        }
+        channels = {
+            channel.topic: writer.register_channel(channel.topic, channel.message_encoding, schemas[channel.schema_id])
+            for channel in container.channels.values()
+        }
+        count = 0
+        for messages in (held, *self._chunks()):
+            for topic, time, data in messages:
+                writer.add_message(channels[topic], time, data, time, count)
+                count += 1
+            writer.flush()
+        writer.finish()
+        return count
+
+    def _held(self) -> list[Message]:
+        """Return what holds when the piece begins, the head of the record first."""
+        held: dict[tuple[str, ...], Message] = {}
+        with understanding(self._record.path):
+            for message in self._record.container.messages():
+                topic = message.topic
+                if topic == "/mission" or (
+                    message.time < self._first and (topic in KEYS or topic.startswith("/state/"))
+                ):
+                    data = message_in(message.data) if KEYS.get(topic) else {}
+                    held[(topic, *(str(data[name]) for name in KEYS.get(topic, ())))] = message
+        return list(held.values())
+
+    def _chunks(self) -> Iterator[list[Message]]:
+        """Yield the messages of its time, those of each chunk together."""
+        container = self._record.container
+        for _, _, data in container.chunks():
+            messages = [message for message in container.messages_in(data) if message.topic != "/mission"]
+            if any(self._first <= message.time <= self._last for message in messages):
+                self._shortened.forget()
+                yield [kept for message in messages if (kept := self._kept(message)) is not None]
+
+    def _kept(self, message: Message) -> Message | None:
+        """Return a message as it is in the piece; None for one of another time.
+
+        A moment may have answers that stand in an earlier one of its chunk only, so it is written anew.
+        """
+        if message.topic == "/moments":
+            with understanding(self._record.path):
+                moment = self._restored.read(message_in(message.data))
+            message = message._replace(data=self._shortened.written(moment)) if message.time >= self._first else message
+        return message if self._first <= message.time <= self._last else None

@@ -1,0 +1,125 @@
+"""Records for other programs: tables for spreadsheets, lines of JSON, or a folder with all that is in it as files."""
+
+import csv
+import json
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
+from io import TextIOWrapper
+from pathlib import Path
+from typing import Any
+
+from config.saving import PRIVATE, save_file, whole_file
+from missions.library.private_files import inside, new_file, new_folder
+from missions.plugins.records.recording.faults import InvalidRecordError, message_in, understanding
+from missions.plugins.records.recording.read import Record, began_at
+
+NO_TABLE = frozenset({"/camera", "/camera/marks"})
+"""Topics that no table is made of."""
+
+ESCAPED = "backslashreplace"
+"""What becomes of half a letter, which UTF-8 does not have: what JSON writes for it."""
+
+MOST_COLUMNS, MOST_TABLES = 2000, 200
+"""Columns of a table, and tables: ours have some dozens."""
+
+_TROUBLE = re.compile(r"[/\\\x00-\x1f\x7f]")
+"""What no name of a file should have."""
+
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""How texts begin that a spreadsheet takes for a formula, and does."""
+
+LEFT_OUT = frozenset({("/moments", "answers")})
+"""What of the others is left out of tables: the answers to a moment's questions are many, and nested."""
+
+
+def to_jsonl(record: Record, output: Path, *, force: bool = False) -> int:
+    """Write every message as a line ``{"topic": ..., "t": ..., "message": ...}``; return how many there are.
+
+    Raises ExistsError, InvalidRecordError, OSError.
+    """
+    count = 0
+    with new_file(output, force=force) as file:
+        for topic, t, data in _messages(record):
+            line = json.dumps({"topic": topic, "t": t, "message": data}, ensure_ascii=False)
+            file.write(line.encode(errors=ESCAPED) + b"\n")
+            count += 1
+    return count
+
+
+def to_csv(record: Record, folder: Path, *, force: bool = False) -> list[Path]:
+    """Write a table of each topic that has one; return their files. Raises as ``to_jsonl`` does.
+
+    The first column is the time in seconds of the run. Members of members have both names, as in ``pose.position.x``;
+    lists stand there as JSON.
+    """
+    new_folder(folder, force=force)
+    columns: dict[str, dict[str, None]] = {}  # in the order of their first use
+    for topic, _, data in _messages(record):
+        if topic not in NO_TABLE:
+            known = columns.setdefault(topic, {})
+            known.update(dict.fromkeys(_row(topic, data)))
+            if len(known) > MOST_COLUMNS:
+                raise InvalidRecordError(f"{record.path}: a table of {topic:.80} has more than {MOST_COLUMNS} columns")
+    if len(columns) > MOST_TABLES:
+        raise InvalidRecordError(f"{record.path}: has more than {MOST_TABLES} topics")
+    paths = {topic: folder / f"{_TROUBLE.sub('_', topic.strip('/')):.100}.csv" for topic in sorted(columns)}
+    with ExitStack() as files:
+        tables = {
+            topic: csv.DictWriter(
+                TextIOWrapper(files.enter_context(whole_file(path, PRIVATE)), "utf-8", ESCAPED, "", write_through=True),
+                ["t", *columns[topic]],
+            )
+            for topic, path in paths.items()
+        }
+        for table in tables.values():
+            table.writeheader()
+        for topic, t, data in _messages(record):
+            if topic in tables:
+                tables[topic].writerow({"t": t, **_row(topic, data)})
+    return list(paths.values())
+
+
+def to_folder(record: Record, folder: Path, *, force: bool = False) -> tuple[int, int, int]:
+    """Write pictures, files and tables into folders of these names; return how many. Raises as ``to_jsonl`` does."""
+    new_folder(folder, force=force)
+    pictures, files = folder / "pictures", folder / "files"
+    for each in (pictures, files):
+        each.mkdir(mode=0o700, exist_ok=True)
+    count = 0
+    for stamp, jpeg in record.frames():
+        save_file(pictures / f"{stamp:010.3f}.jpg", jpeg, PRIVATE, durable=False)
+        count += 1
+    for name, data in record.files.items():
+        path = files / inside(name)
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        save_file(path, data, PRIVATE, durable=False)
+    return count, len(record.files), len(to_csv(record, folder / "tables", force=force))
+
+
+def _messages(record: Record) -> Iterator[tuple[str, float, Any]]:
+    """Yield of each message the topic, the time in seconds of the run, and what it says."""
+    began = began_at(record.head)
+    for topic, time, data in record.container.messages():
+        with understanding(record.path):
+            found = message_in(data)
+        yield topic, found.pop("t", (time - began) / 1e9), found
+
+
+def _row(topic: str, data: Mapping[str, Any], before: str = "") -> dict[str, object]:
+    """Return the cells of a message by the names of their columns."""
+    cells: dict[str, object] = {}
+    for name, value in data.items():
+        if isinstance(value, dict):
+            cells |= _row(topic, value, f"{before}{name}.")
+        elif (topic, name) not in LEFT_OUT:
+            told = json.dumps(value, ensure_ascii=False) if isinstance(value, list) else cell(value)
+            cells[before + name] = told
+    return cells
+
+
+def cell(value: object) -> object:
+    """Return what a cell may hold: no text of it is done by a spreadsheet, which an apostrophe tells it."""
+    if not isinstance(value, str) or not value.startswith(_FORMULA) or value in ("-", "-inf"):
+        return value
+    return f"'{value}"

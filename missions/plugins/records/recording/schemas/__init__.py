@@ -1,0 +1,13 @@
+"""What the messages of a record look like: a JSON Schema (draft 2020-12) for each. A test holds their bytes."""
+
+import json
+
+from missions.plugins.records.recording.schemas.foxglove import FOXGLOVE
+from missions.plugins.records.recording.schemas.ours import OURS
+
+
+def schema(name: str) -> bytes:
+    """Return the schema of that name, ``foxglove.Log`` or ``missiontree.Moment``, without blanks."""
+    found = OURS.get(name) or FOXGLOVE[name]
+    described = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": name, **found}
+    return json.dumps(described, separators=(",", ":"), ensure_ascii=False).encode()

@@ -1,0 +1,102 @@
+"""When each leaf was at work, and how that ended: what the timeline of a report shows."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from missions.executive.events import NodeChanged
+from missions.trees.drawing import ACTIVE, Box, Drawing, Status
+from missions.trees.states import STATUSES
+
+FINEST = 400
+"""So many bars of one leaf can be told apart; shorter ones beside each other are shown as one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bar:
+    """A time from ``start`` to ``end`` (s) in which a leaf was at work; both are the same where it answered at once.
+
+    ``outcome`` is how that ended: "idle" where it was interrupted, "running" where the record ends before it did. The
+    time in which the leaf was suspended is part of it.
+    ``count`` is how many are shown as this one; then it failed if any of them did.
+    """
+
+    start: float
+    end: float
+    outcome: Status
+    reason: str = ""
+    count: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """A leaf that was at work, and when; ``within`` is the mission inside the mission that it is in, if any."""
+
+    box: Box
+    within: str
+    bars: Sequence[Bar]
+
+    @property
+    def busy(self) -> float:
+        """How long it was at work in all, in seconds."""
+        return sum(bar.end - bar.start for bar in self.bars)
+
+
+def lanes_of(
+    drawing: Drawing, changes: Iterable[NodeChanged], last: Mapping[str, NodeChanged], end: float
+) -> list[Lane]:
+    """Return a lane for each leaf that was ever asked, in the order of the tree.
+
+    ``end`` is when the record ends, ``last`` how each node stands then.
+    """
+    by_node: dict[str, list[NodeChanged]] = {}
+    for change in changes:
+        by_node.setdefault(change.node, []).append(change)
+    return [
+        Lane(box, within, _bars(by_node[box.key], last[box.key].reason, end))
+        for box, within in _leaves(drawing.root, "")
+        if box.key in by_node
+    ]
+
+
+def thinned(bars: Sequence[Bar], span: float) -> list[Bar]:
+    """Return bars to be drawn over ``span`` seconds: what could not be told apart is one."""
+    found: list[Bar] = []
+    for bar in bars:
+        last = found[-1] if found else None
+        if last is None or bar.end - last.start > span / FINEST:
+            found.append(bar)
+        else:
+            outcome: Status = "failure" if "failure" in (last.outcome, bar.outcome) else bar.outcome
+            reason = last.reason if last.outcome == outcome else bar.reason
+            found[-1] = replace(last, end=bar.end, outcome=outcome, reason=reason, count=last.count + 1)
+    return found
+
+
+def outcomes(bars: Sequence[Bar]) -> Mapping[Status, int]:
+    """Return how often it ended in which way."""
+    counts: dict[Status, int] = {}
+    for bar in bars:
+        counts[bar.outcome] = counts.get(bar.outcome, 0) + 1
+    return counts
+
+
+def _leaves(box: Box, within: str) -> Iterable[tuple[Box, str]]:
+    if not box.children:
+        yield box, within
+    for child in box.children:
+        yield from _leaves(child, box.mission or within)
+
+
+def _bars(changes: Sequence[NodeChanged], last: str, end: float) -> list[Bar]:
+    bars: list[Bar] = []
+    since: float | None = None
+    for change in changes:
+        status = STATUSES[change.status]
+        if status in ACTIVE:
+            since = change.t if since is None else since
+        elif status != "idle" or since is not None:
+            bars.append(Bar(change.t if since is None else since, change.t, status, change.reason))
+            since = None
+    if since is not None:
+        bars.append(Bar(since, end, "running", last))
+    return bars

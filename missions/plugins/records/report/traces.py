@@ -1,0 +1,143 @@
+"""What a robot did over time, as lines to be drawn: speed, head, battery and the way of its base."""
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby, pairwise
+from math import degrees, dist, remainder, tau
+
+from missions.plugins.records.recording.read import Record
+from missions.plugins.records.report.following import Miss
+
+Points = Sequence[tuple[float, float]]
+"""Times (s) and values, in order of time."""
+
+GAP = 1.0
+"""Seconds without a value after which a line has a gap: nothing is known of what was in between."""
+
+COLUMNS = 600
+"""So many columns has a drawn chart: of each, no more is drawn than can be seen."""
+
+SHORTEST = 0.05
+"""Metres of a way that need no picture: a base that turns on the spot trembles."""
+
+STILL = 1e-6
+"""Values that are no further from each other than this tell nothing that needs a chart."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line of a chart. What was ``asked`` for is drawn with dashes, below what was measured."""
+
+    name: str
+    points: Points
+    asked: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """Lines over time in one ``unit``; ``key`` names it in files."""
+
+    key: str
+    title: str
+    unit: str
+    lines: Sequence[Line]
+
+    @property
+    def values(self) -> list[float]:
+        """All values of all lines."""
+        return [value for line in self.lines for _, value in line.points]
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """The way of the base seen from above: ``places`` x, y (m) and heading (rad), and when it was there."""
+
+    times: Sequence[float]
+    places: Sequence[tuple[float, float, float]]
+
+    @property
+    def length(self) -> float:
+        """How far it drove, in metres, as far as its reports tell."""
+        return sum(dist(one[:2], other[:2]) for one, other in pairwise(self.places))
+
+    @property
+    def turned(self) -> float:
+        """How far it turned, to the left and to the right together, in radians."""
+        return sum(abs(remainder(other[2] - one[2], tau)) for one, other in pairwise(self.places))
+
+
+def charts_of(record: Record, misses: Sequence[Miss], begin: float = 0.0) -> list[Chart]:
+    """Return a chart of all that a record tells of from ``begin`` on (s), but for what stays as it is."""
+    found = [
+        _asked("speed", "Speed", "m/s", record, "base.wanted_speed", "base.speed", float, begin),
+        _asked("turn", "Turning", "°/s", record, "base.wanted_turn", "base.turn", degrees, begin),
+        _asked("pan", "Head to the side (left is +)", "°", record, "head.wanted_pan", "head.pan", degrees, begin),
+        _asked("tilt", "Head up and down (down is +)", "°", record, "head.wanted_tilt", "head.tilt", degrees, begin),
+        Chart(
+            "tracking",
+            "Tracking error, from the middle of the picture",
+            "°",
+            [
+                Line("to the side", [(miss.time, miss.aside) for miss in misses]),
+                Line("up and down", [(miss.time, miss.below) for miss in misses], asked=True),
+            ],
+        ),
+        Chart("battery", "Battery", "%", [Line("charge", _points(record, "battery.percent", float, begin))]),
+    ]
+    return [chart for chart in found if chart.values and max(chart.values) - min(chart.values) > STILL]
+
+
+def route_of(record: Record) -> Route:
+    """Return the way of the base, which is empty where nobody knows it."""
+    series = [record.series(f"base.{name}") for name in ("x", "y", "heading")]
+    known = [dict(zip(times, values, strict=True)) for times, values in series]
+    times = [time for time in series[0][0] if all(time in each for each in known)]
+    return Route(times, [(known[0][time], known[1][time], known[2][time]) for time in times])
+
+
+def unbroken(points: Points) -> Iterator[Points]:
+    """Yield the stretches of a line between its gaps."""
+    stretch: list[tuple[float, float]] = []
+    for point in points:
+        if stretch and point[0] - stretch[-1][0] > GAP:
+            yield stretch
+            stretch = []
+        stretch.append(point)
+    if stretch:
+        yield stretch
+
+
+def thinned(points: Points, begin: float, span: float) -> list[tuple[float, float]]:
+    """Return no more points than can be seen: of each column the first and last, the lowest and highest."""
+    found: list[tuple[float, float]] = []
+    for _, column in groupby(points, key=lambda point: int((point[0] - begin) / span * COLUMNS)):
+        inside = list(column)
+        value: Callable[[tuple[float, float]], float] = lambda point: point[1]  # noqa: E731 - twice
+        kept = {inside[0], min(inside, key=value), max(inside, key=value), inside[-1]}
+        found += sorted(kept)
+    return found
+
+
+def _asked(
+    key: str,
+    title: str,
+    unit: str,
+    record: Record,
+    asked: str,
+    measured: str,
+    convert: Callable[[float], float],
+    begin: float,
+) -> Chart:
+    lines = [
+        Line("asked", _points(record, asked, convert, begin), asked=True),
+        Line("measured", _points(record, measured, convert, begin)),
+    ]
+    return Chart(key, title, unit, [line for line in lines if line.points])
+
+
+def _points(record: Record, name: str, convert: Callable[[float], float], begin: float) -> Points:
+    """Return a line from ``begin`` on, and first what held then."""
+    times, values = record.series(name)
+    first = max(0, bisect_right(times, begin) - 1)
+    return [(max(time, begin), convert(value)) for time, value in zip(times[first:], values[first:], strict=True)]

@@ -1,0 +1,153 @@
+"""The schema of a whole mission file, for the leaves and the things that there are."""
+
+from collections import Counter
+from collections.abc import Callable
+from collections.abc import Mapping as Named
+from pathlib import Path
+
+from behaviours.leaf import Leaf
+from config.controller import load_controller
+from config.gait import load_gait
+from config.gesture import load_gesture
+from config.library import KEYS, shipped
+from config.marked import Mapping, Scalar, compose, read_source
+from missions.language.body import FORMS, IF_INTERRUPTED, PROPERTIES
+from missions.language.nodes import MISSION
+from missions.language.param_types import LIST, TYPES
+from missions.library.catalogue import sentence
+from missions.library.shipped import shipped_missions
+from missions.plugins.schema.nodes import NODE, RESULTS, definitions
+from missions.plugins.schema.values import HOLE, NAME, SCALAR, Schema, Things
+
+_LOADERS: Named[str, Callable[[Path], object]] = {
+    "gesture": load_gesture,
+    "gait": load_gait,
+    "controller": load_controller,
+}
+
+
+OTHERS = (*(key for key in KEYS if key != "mission"), "move")
+"""The keys by which files of other kinds are known."""
+
+
+def mission_schema(leaves: Named[str, type[Leaf]], things: Things) -> Schema:
+    """Return the JSON Schema (draft-07) of missions made of ``leaves``, that name ``things``."""
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "description": "A mission of MissionTree: what a robot should do, as a behaviour tree.",
+        "type": "object",
+        # A pattern of file names such as *.yaml takes in tests, robots and worlds too: those have schemas of their own.
+        "if": {"not": {"required": ["mission"]}, "anyOf": [{"required": [key]} for key in OTHERS]},
+        "else": _body(),
+        "defaultSnippets": [_WHOLE],
+        "definitions": definitions(leaves, things),
+    }
+
+
+def _body() -> Schema:
+    """Return what a mission file holds."""
+    text = {"type": SCALAR, "pattern": r"\S"}
+    return {
+        "properties": {
+            "mission": {"description": "The mission's name.", **text},
+            "summary": {"description": "What it does, in a line.", **text},
+            "params": {
+                "description": "What the caller may set, each with its default: `patience: 60 s`.",
+                "type": "object",
+                "propertyNames": NAME,
+                "additionalProperties": _param(),
+            },
+            "if_interrupted": {
+                "description": "What to do about it as a task when nobody knows how far it came.",
+                "enum": list(IF_INTERRUPTED),
+            },
+            "tree": NODE,
+            "returns": {
+                "description": "What it hands back to a mission that runs it: names and expressions.",
+                **RESULTS,
+            },
+            "properties": _properties(),
+        },
+        "required": ["mission", "tree"],
+        "additionalProperties": False,
+    }
+
+
+def known_things() -> dict[str, dict[str, str]]:
+    """Return the names of the gestures, moves, gaits, controllers and missions that ship, with their summaries."""
+    found = {
+        kind: {name: str(getattr(load(path), "summary", "")) for name, path in shipped(f"{kind}s").items()}
+        for kind, load in _LOADERS.items()
+    }
+    return {**found, "move": found["gesture"], MISSION: _missions()}
+
+
+def _missions() -> dict[str, str]:
+    """Return the shipped missions by the shortest name that is theirs alone. Only their summaries are read."""
+    files = shipped_missions()
+    short = Counter(path.stem for path in files.values())
+    return {path.stem if short[path.stem] == 1 else name: _summary(path) for name, path in files.items()}
+
+
+def _summary(path: Path) -> str:
+    root = compose(read_source(path))
+    found = root.get("summary") if isinstance(root, Mapping) else None
+    return found.text if isinstance(found, Scalar) else ""
+
+
+def _param() -> Schema:
+    """Return what a param is: a plain default, or the long form."""
+    default = {
+        "type": [*SCALAR, "null"],
+        "pattern": rf"^(?![\s\S]*{HOLE})",
+        "patternErrorMessage": "the default of a param cannot be calculated: write a plain value",
+    }
+    bound = {"type": ["string", "number"]}
+    members = {"type": "array", "items": {"type": SCALAR, "pattern": default["pattern"]}}
+    plain = {**default, **members, "type": [*default["type"], "array"]}
+    return {
+        **plain,
+        "type": [*plain["type"], "object"],
+        "properties": {
+            "default": {"description": "Its value where the caller gives none.", **plain},
+            "type": {"description": "What it is; told by its default where there is one.", "enum": list(TYPES)},
+            "of": {"description": "What the members of a list are.", "enum": [each for each in TYPES if each != LIST]},
+            "choices": {"description": "The words to choose from.", **members, "minItems": 1},
+            "help": {"description": "What it is for.", "type": SCALAR},
+            "low": {"description": "The lowest value it may have.", **bound},
+            "high": {"description": "The highest value it may have.", **bound},
+        },
+        "additionalProperties": False,
+        "anyOf": [{"not": {"type": "object"}}, *({"required": [key]} for key in ("default", "type", "choices"))],
+    }
+
+
+def _properties() -> Schema:
+    """Return what a list of properties is: one key with a text in each."""
+    kinds = {
+        word: {"description": sentence(text), "type": "string", "pattern": pattern}
+        for word, (text, pattern) in PROPERTIES.items()
+    }
+    return {
+        "description": "What the mission promises of itself, for `mission verify` to prove.",
+        "type": "array",
+        "items": {
+            "type": "object",
+            "properties": kinds,
+            "additionalProperties": False,
+            "minProperties": 1,
+            "maxProperties": 1,
+            "defaultSnippets": [{"label": form, "bodyText": form} for form in FORMS],
+        },
+    }
+
+
+_WHOLE: Schema = {
+    "label": "a new mission",
+    "description": "A name, a summary, and a tree with a first behaviour.",
+    "body": {
+        "mission": "${1:my_mission}",
+        "summary": "${2:What it does.}",
+        "tree": {"sequence": [{"say": "${3:Hello}"}]},
+    },
+}

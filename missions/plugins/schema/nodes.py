@@ -1,0 +1,206 @@
+"""Nodes in the schema: behaviours, composites, sub-missions, and what may stand beside them."""
+
+from collections.abc import Mapping, Sequence
+
+from behaviours.leaf import Leaf
+from missions.language.counts import COUNTS
+from missions.language.modifiers import NEITHER
+from missions.language.nodes import COMPOSITES, FOR_EACH, MISSION, MODIFIERS, OTHERS, SWITCHES
+from missions.language.steps import ONLY_BESIDE
+from missions.library.catalogue import sentence, summary
+from missions.plugins.schema.values import (
+    EXPRESSION,
+    HOLE,
+    NAME,
+    SCALAR,
+    Schema,
+    Things,
+    leaf_value,
+    named,
+    needs_nothing,
+    quantity,
+)
+
+NODE = {"$ref": "#/definitions/node"}
+CHILDREN: Schema = {
+    "type": "array",
+    "items": NODE,
+    "minItems": 1,
+    "errorMessage": "needs a list of at least one behaviour, each on a line with '- '",
+}
+RESULTS: Schema = {"type": "object", "propertyNames": NAME, "additionalProperties": EXPRESSION}
+
+
+def definitions(leaves: Mapping[str, type[Leaf]], things: Things) -> Schema:
+    """Return the schema of a ``node``, and those of all ``behaviours`` by their words."""
+    behaviours = {word: leaf_value(leaf, things) for word, leaf in leaves.items()} | _composites(things)
+    return {"node": _node(leaves, list(behaviours)), "behaviours": behaviours}
+
+
+def _node(leaves: Mapping[str, type[Leaf]], words: Sequence[str]) -> Schema:
+    """Return what a node of the tree may be: a word, or a behaviour with what stands beside it.
+
+    Once there is a behaviour, editors propose only what may stand beside it.
+    """
+    behaviours = {word: {"$ref": f"#/definitions/behaviours/{word}"} for word in words}
+    silent = {word: {"allOf": [value], "doNotSuggest": True} for word, value in behaviours.items()}
+    beside = {word: _setting(modifier.takes, modifier.help) for word, modifier in MODIFIERS.items()} | _beside()
+    storing = [word for word, leaf in leaves.items() if leaf.stores] + [MISSION]
+    no_behaviour: Schema = {
+        "if": {"type": "object", "propertyNames": {"enum": list(beside)}},
+        "then": {"type": "string", "errorMessage": "a behaviour is missing here"},
+    }
+    return {
+        "type": ["string", "object"],
+        "if": {"type": "object", "anyOf": [{"required": [word]} for word in words]},
+        "then": {
+            "properties": {**silent, **beside},
+            "additionalProperties": False,
+            "dependencies": {
+                **_one_behaviour(words),
+                "as": _one_of(storing, f"'as' stands beside what finds something out: {', '.join(storing)}"),
+                **{word: [only] for word, only in ONLY_BESIDE.items()},
+            },
+        },
+        "else": {
+            "properties": {**behaviours, **beside},
+            "additionalProperties": False,
+            "if": {"type": "string"},
+            "then": _word(leaves),
+            "else": no_behaviour,
+            "defaultSnippets": _SNIPPETS,
+        },
+    }
+
+
+def _word(leaves: Mapping[str, type[Leaf]]) -> Schema:
+    """Return what may be a node by its word alone."""
+    alone = {word: leaf for word, leaf in leaves.items() if needs_nothing(leaf)}
+    return {
+        "enum": list(alone),
+        "markdownEnumDescriptions": [summary(leaf) for leaf in alone.values()],
+        "errorMessage": f"write 'say: Hello', with a colon and a space; alone stand only {', '.join(alone)}",
+    }
+
+
+def _composites(things: Things) -> dict[str, Schema]:
+    """Return what stands behind each composite, and behind ``mission``."""
+    lists = {
+        word: {"description": f"A list of behaviours: {kind.help}.", **CHILDREN} for word, kind in COMPOSITES.items()
+    }
+    switch = {
+        "type": "object",
+        "properties": {
+            "on": {"description": "The expression whose value chooses.", **EXPRESSION},
+            "cases": {
+                "description": "A behaviour for each value.",
+                "type": "object",
+                "minProperties": 1,
+                "additionalProperties": NODE,
+            },
+            "default": NODE,
+        },
+        "required": ["on", "cases"],
+        "additionalProperties": False,
+    }
+    text = "Runs another mission as one node: its name in the library, or a path from this file's folder."
+    mission = {"description": text, **named(MISSION, things[MISSION], computed=False)}
+    switches = {
+        word: {"description": f"{sentence(kind.help)} Fails where no case is.", **switch}
+        for word, kind in SWITCHES.items()
+    }
+    return {**lists, **switches, FOR_EACH: _for_each(), MISSION: mission}
+
+
+def _for_each() -> Schema:
+    """Return what stands behind ``for_each``."""
+    members = {"type": "array", "items": {"type": SCALAR}}
+    return {
+        "description": sentence(OTHERS[FOR_EACH].help),
+        "type": "object",
+        "properties": {
+            "in": {
+                "description": "The list: an expression, or its members.",
+                "anyOf": [EXPRESSION, members],
+                "examples": ["places"],
+            },
+            "as": {"description": "The variable that holds the member.", **NAME},
+            "number": {"description": "The variable that holds the number of the member, from 1.", **NAME},
+            "do": NODE,
+        },
+        "required": ["in", "as", "do"],
+        "additionalProperties": False,
+    }
+
+
+def _beside() -> dict[str, Schema]:
+    return {
+        "name": {"description": "What people see in pictures of the tree.", "type": SCALAR, "pattern": r"\S"},
+        "as": {"description": "The variable that keeps what this behaviour has found.", **NAME},
+        "with": {
+            "description": "The values of the params of the mission that is run.",
+            "type": "object",
+            "additionalProperties": {
+                "type": [*SCALAR, "null", "array"],
+                "items": {"type": SCALAR},
+                "errorMessage": "needs one value, or a list",
+            },
+        },
+        "returns": {"description": "What the mission that is run hands back: a variable and an expression.", **RESULTS},
+        **{word: _setting(takes, text) for word, (takes, text) in COUNTS.items()},
+    }
+
+
+def _setting(takes: str, text: str) -> Schema:
+    """Return what a modifier takes, or what else stands beside a behaviour, from the words that say so."""
+    found: Schema = {"description": f"{sentence(text)} Takes {takes}."}
+    match takes:
+        case "an expression":
+            return found | EXPRESSION
+        case "a duration":
+            return found | quantity("duration", "longer than 0 s", zero=False) | {"examples": ["2 s"]}
+        case "a count or forever" | "a count or all":
+            word = takes.removeprefix("a count or ")
+            message = f"needs a count of 1 or more, or {word}"
+            pattern = f"^{word}$|{HOLE}"
+            return found | {
+                "type": ["integer", "string"],
+                "minimum": 1,
+                "pattern": pattern,
+                "errorMessage": message,
+                "examples": [3, word],
+            }
+        case "true or an expression":
+            limits = {"not": {"enum": [False, *NEITHER]}, "errorMessage": "needs true, or an expression"}
+            return found | EXPRESSION | {"type": ["boolean", "string"]} | limits
+        case words:
+            return found | {"enum": [True if word == "true" else word for word in words.split(" or ")]}
+
+
+def _one_behaviour(words: Sequence[str]) -> dict[str, Schema]:
+    """Forbid, beside each behaviour, all those that come after it in the list: so each pair is an error once."""
+    return {
+        word: {
+            "properties": dict.fromkeys(words[place + 1 :], False),
+            "errorMessage": f"a second behaviour beside '{word}': begin it with '- ' in a sequence, or indent it",
+        }
+        for place, word in enumerate(words[:-1])
+    }
+
+
+def _one_of(words: Sequence[str], message: str) -> Schema:
+    """Ask for one of these keys in the node."""
+    some = {"anyOf": [{"required": [word]} for word in words]}
+    return {"if": {"not": some}, "then": {"type": "string", "errorMessage": message}}
+
+
+_SNIPPETS: list[Schema] = [
+    {"label": label, "description": text, "bodyText": "\n    - ".join([f"{word}:", *lines])}
+    for label, text, word, lines in (
+        ("steps", "One after another.", "sequence", ("say: ${1:Hello}", "wait: ${2:2 s}")),
+        ("or else", "The first that succeeds.", "selector", ("face_seen", "say: ${1:Where are you?}")),
+        ("at once", "Several at the same time.", "parallel", ("gesture: ${1:hello}", "say: ${2:Hello}")),
+        ("until one ends", "One thing, until another has ended.", "race", ("track_face", "wait: ${1:10 s}")),
+    )
+]
+"""Common forms, each composite with two children; children are indented by four blanks, below "- " too."""

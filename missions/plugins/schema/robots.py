@@ -1,0 +1,117 @@
+"""The schema of robot files: a section for each kind of part, with the keys of each driver that there is."""
+
+from collections.abc import Collection, Iterable
+
+from drivers.api.driver import BrokenDriver, Driver
+from drivers.api.keys import Key, declared
+from drivers.api.kinds import KINDS, Kind
+from missions.library.drivers import Table
+from missions.plugins.schema.keys import bounds_told, keys_schema, shown_default, takes
+from missions.plugins.schema.values import Schema
+
+# The keys of files as tables in Markdown, from the classes that declare them.
+
+HEAD = ("key", "takes", "bounds", "default", "what it does")
+
+
+def robot_reference(table: Table, among: Collection[tuple[str, str]] | None = None) -> str:
+    """Return the keys of every driver of a table, by kind of part; or of those ``among`` (kind, name)."""
+    parts = []
+    for kind in KINDS.values():
+        drivers: dict[type, list[Driver]] = {}
+        for of, name, driver in table.all():
+            if of == kind.name and not isinstance(driver, BrokenDriver) and (among is None or (of, name) in among):
+                drivers.setdefault(driver.keys, []).append(driver)
+        parts += [f"## {kind.name}", kind.about + (f" `driver` may be left out: `{kind.usual}`." if kind.usual else "")]
+        for cls, those in drivers.items():
+            parts += ["\n".join(f"- `driver: {each.name}`: {each.about}" for each in those), keys_table(cls)]
+    return "\n\n".join(parts)
+
+
+def keys_table(cls: type, apart: Collection[type] = ()) -> str:
+    """Return the table of the keys of a class; those of its sections stand below them as ``section.key``.
+
+    Those of sections ``apart`` do not.
+    """
+    return table(HEAD, _rows(cls, "", apart))
+
+
+def _rows(of: type, within: str, apart: Collection[type]) -> Iterable[tuple[str, ...]]:
+    for key in declared(of):
+        word = "*NAME*" if key.form == "rest" else key.word
+        default = "must be given" if key.required else code(shown) if (shown := shown_default(key)) else ""
+        yield code(within + word), takes(key), bounds_told(key), default, key.help
+        for path, cls in _sections(key, key.word):
+            yield from () if cls in apart else _rows(cls, f"{within}{path}.", apart)
+
+
+def _sections(key: Key, path: str) -> Iterable[tuple[str, type]]:
+    """Yield the sections in a key, each with what leads to it."""
+    if key.of is not None:
+        yield path, key.of
+    for each in key.options:
+        yield from _sections(each, path)
+    if key.inner is not None:
+        yield from _sections(key.inner, f"{path}.{'NAME' if key.form == 'named' else 'N'}")
+
+
+def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    """Return a table in Markdown."""
+    lines = [head, tuple("---" for _ in head), *rows]
+    return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |" for line in lines)
+
+
+def code(text: str) -> str:
+    """Set ``text`` as code."""
+    return f"`{text}`"
+
+
+def part_schemas(table: Table) -> dict[str, Schema]:
+    """Return what the section of each kind of part may hold; a driver that cannot be used is left out."""
+    found: dict[str, list[Driver]] = {kind: [] for kind in KINDS}
+    for kind, _, driver in table.all():
+        if not isinstance(driver, BrokenDriver):
+            found[kind].append(driver)
+    return {kind: _section(KINDS[kind], drivers) for kind, drivers in found.items()}
+
+
+def of_kind(kind: Kind, section: Schema) -> Schema:
+    """Return what the section of one more part of a kind may hold: what a ``section`` of it may, and its ``kind``."""
+    word: Schema = {"description": "Of which kind of part this is one more.", "const": kind.name}
+    choices = [
+        {**each, "then": _with_word(each["then"], word)} if "then" in each else each
+        for each in section.get("allOf", [])
+    ]
+    more = {"allOf": choices} if choices else {}
+    return {**_with_word(section, word), **more, "required": ["kind", *section["required"]]}
+
+
+def _with_word(schema: Schema, word: Schema) -> Schema:
+    return {**schema, "properties": {"kind": word, **schema["properties"]}}
+
+
+def _section(kind: Kind, drivers: list[Driver]) -> Schema:
+    """Return what a section may hold: the keys of the driver that it names, or of the usual one."""
+    names = [driver.name for driver in drivers]
+    told = "What drives it." + (f" Without it: {kind.usual}." if kind.usual else " It must be given.")
+    word: Schema = {"description": told, "enum": names}
+    whole = {driver.name: _with_driver(keys_schema(driver.keys), word) for driver in drivers}
+    if len(drivers) == 1:
+        (only,) = whole.values()
+        required = [] if kind.usual else ["driver"]
+        return {"description": kind.about, **only, "required": [*required, *only["required"]]}
+    choices = [
+        {
+            "if": {"properties": {"driver": {"const": name}}, "required": [] if name == kind.usual else ["driver"]},
+            "then": schema,
+        }
+        for name, schema in whole.items()
+    ]
+    required = [] if kind.usual else ["driver"]
+    return {"description": kind.about, "type": "object", "properties": {"driver": word}, "required": required} | {
+        "allOf": choices
+    }
+
+
+def _with_driver(schema: Schema, word: Schema) -> Schema:
+    return {**schema, "properties": {"driver": word, **schema["properties"]}}

@@ -1,0 +1,258 @@
+"""Values in the schema: how each kind of value is written. ``${...}`` may stand wherever a value does.
+
+``errorMessage``, ``defaultSnippets`` and ``markdownDescription`` are what the YAML language server adds to JSON Schema;
+validators pass over them. Patterns keep to what Python's and JavaScript's regular expressions have in common.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from behaviours.leaf import Argument, Leaf
+from config.units import EXAMPLES, UNITS, article
+from missions.language.arguments import OUTCOMES, SWITCHED
+from missions.language.kinds import RESERVED, STATE, WORDS
+from missions.language.operators import FUNCTIONS
+from missions.library.catalogue import bounds, details, example, plain_default, sentence, summary, terms
+
+Schema = dict[str, Any]
+
+Things = Mapping[str, Mapping[str, str]]
+"""What missions name: for each kind ("gesture", "mission") the names, each with its summary."""
+
+HOLE = r"\$\{"
+SCALAR = ["string", "number", "boolean"]
+
+_UNSIGNED = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_ABOVE_ZERO = r"(?=[0-9.]*[1-9])"
+_TAKEN = sorted({*RESERVED, *STATE, *WORDS, *FUNCTIONS})
+
+# A word as Python has it, with letters of any alphabet: no ASCII sign but the underscore, no digit in front.
+_SIGNS = r"\s!-/:-@\[-\^`{-~"
+NAME: Schema = {
+    "type": "string",
+    "pattern": rf"^(?!(?:{'|'.join(_TAKEN)})$)[^{_SIGNS}0-9][^{_SIGNS}]*$",
+    "errorMessage": "needs a plain word such as last_seen, that means nothing else in expressions",
+}
+"""The name that a mission gives to a param or a variable."""
+
+_PHRASE: Schema = {"type": SCALAR, "pattern": r"[^\s!-@\[-`{-~]"}
+PHRASES: Schema = {
+    "type": [*SCALAR, "array"],
+    "pattern": _PHRASE["pattern"],
+    "items": _PHRASE,
+    "minItems": 1,
+    "errorMessage": "needs a phrase, or a list of them, in words",
+}
+"""What is listened for."""
+
+_OWN: Mapping[str, Schema] = {
+    "phrases": PHRASES,
+    "face": {"type": ["string", "null"], "pattern": HOLE, "errorMessage": "needs a face, such as ${person}"},
+}
+"""The kinds whose values are unlike those of others."""
+
+EXPRESSION: Schema = {
+    "type": SCALAR,
+    "pattern": r"\S",
+    "errorMessage": "needs an expression, such as face.seen",
+    "examples": ["face.seen", "battery.percent > 20"],
+}
+
+
+def quantity(dimension: str, limits: str = "", *, negative: bool = False, zero: bool = True) -> Schema:
+    """Return what a quantity looks like. ``limits`` are for the message; the pattern knows of its sign and of zero."""
+    number = ("[-+]?" if negative else r"\+?") + ("" if zero else _ABOVE_ZERO) + _UNSIGNED
+    units = UNITS[dimension]
+    message = f"needs {article(dimension)} such as '{EXAMPLES[dimension]}' (units: {', '.join(units)})"
+    return {
+        "type": "string",
+        "pattern": rf"^\s*{number}\s*(?:{'|'.join(map(_escaped, units))})\s*$|{HOLE}",
+        "errorMessage": message + (f", {limits}" if limits else ""),
+    }
+
+
+def named(what: str, names: Mapping[str, str], *, computed: bool = True) -> Schema:
+    """Return what the name of a thing looks like: one of ``names``, each with its summary, or the path of a file."""
+    known = "|".join(_escaped(name) for name in names)
+    return {
+        "type": "string",
+        "pattern": f"^(?:{known})$|[./]" + (f"|{HOLE}" if computed else ""),
+        "errorMessage": f"needs {article(what)}, or the path of its file; known are: {', '.join(names)}",
+        "defaultSnippets": [{"label": name, "body": name, "description": text} for name, text in names.items()],
+    }
+
+
+def described(argument: Argument, things: Things) -> Schema:
+    """Return what an argument takes, with its help, and its default or an example."""
+    text = f"{sentence(argument.help)} {sentence(terms(argument))}"
+    found = {"description": text, **written(argument, things)}
+    if not argument.required:
+        default = plain_default(argument)
+        return {**found, "default": default} if _is_json(default) else found
+    return found if "defaultSnippets" in found else {**found, "examples": [example(argument)]}
+
+
+def written(argument: Argument, things: Things) -> Schema:
+    """Return what an argument takes."""
+    kind = argument.kind
+    if argument.by_joint:
+        return {
+            "type": ["object", "string"],
+            "additionalProperties": written(replace(argument, by_joint=False), things),
+            "minProperties": 1,
+            "pattern": HOLE,
+            "errorMessage": "needs joints, each with its value, such as {elbow: ...}",
+        }
+    if kind in _OWN:
+        return _OWN[kind]
+    if kind in UNITS:
+        one = quantity(kind, bounds(argument), negative=argument.low < 0, zero=argument.low <= 0)
+    else:
+        one = named(kind, things[kind]) if kind in things else _plain(argument)
+    if not argument.span:
+        return one
+    return {
+        "type": "array",
+        "items": one,
+        "minItems": 2,
+        "maxItems": 2,
+        "errorMessage": f"needs two values, [low, high]; {kind} with its unit",
+    }
+
+
+def _plain(argument: Argument) -> Schema:
+    """Return what a value without a unit looks like."""
+    limits = bounds(argument)
+    within = {"minimum": argument.low, "maximum": argument.high}
+    limited = {word: bound for word, bound in within.items() if math.isfinite(bound)}
+    match argument.kind:
+        case "text":
+            return {"type": SCALAR, "errorMessage": "needs a text"}
+        case "object":
+            message = "needs an object, such as red ball or big blue box, or the name of one"
+            return {"type": "string", "pattern": r"\S", "errorMessage": message}
+        case "number" | "count":
+            what, number = ("a number", "number") if argument.kind == "number" else ("a whole number", "integer")
+            message = f"needs {what}" + (f", {limits}" if limits else "")
+            return {"type": [number, "string"], "pattern": HOLE, **limited, "errorMessage": message}
+        case "flag":
+            pattern = f"^(?:{'|'.join(SWITCHED)})$|{HOLE}"
+            return {"type": ["boolean", "string"], "pattern": pattern, "errorMessage": "needs true or false"}
+        case "choice":
+            words = argument.choices
+            known = "|".join(map(_escaped, words))
+            told = {"pattern": f"^(?:{known})$|{HOLE}", "errorMessage": f"needs one of {', '.join(words)}"}
+            # What YAML 1.1 calls a boolean is a word here.
+            return {"type": ["string", "boolean"] if SWITCHED.keys() & set(words) else "string", **told}
+        case "new move" | "file":
+            return {"type": SCALAR, "pattern": r"\S", "errorMessage": "needs a name, or the path of a file"}
+        case "joint":
+            return {"type": SCALAR, "pattern": r"\S", "errorMessage": "needs the name of a joint"}
+        case "joints":
+            message = "needs a joint, a group of them, or a list of names"
+            names = {"items": {"type": SCALAR, "pattern": r"\S"}, "minItems": 1}
+            return {"type": [*SCALAR, "array"], "pattern": r"\S", **names, "errorMessage": message}
+        case "outcomes":
+            return {
+                "type": ["array", "string"],
+                "items": {"enum": list(OUTCOMES)},
+                "minItems": 1,
+                "pattern": f"^(?:{'|'.join(OUTCOMES)})$|{HOLE}",
+                "errorMessage": "needs a list of running, success and failure",
+            }
+    return {}
+
+
+def _is_json(value: object) -> bool:
+    """True for a default that a mission can hold; Python's own, of a foreign behaviour, may be anything."""
+    return isinstance(value, str | list | bool) or (isinstance(value, int | float) and math.isfinite(value))
+
+
+def _escaped(text: str) -> str:
+    """Quote what has a meaning in patterns; re.escape quotes more than JavaScript allows."""
+    return re.sub(r"[.*+?^${}()|\[\]\\/]", r"\\\g<0>", text)
+
+
+# Leaves in the schema: what stands behind each one's word, and its help.
+#
+# The two forms, a value and a mapping of named arguments, are told apart by ``if`` and not by ``anyOf``: so an editor
+# reports a mistake for the form that was written.
+
+
+def leaf_value(leaf: type[Leaf], things: Things) -> Schema:
+    """Return what may stand behind a leaf's word: nothing, its principal argument, or a mapping of named ones."""
+    found: Schema = {
+        "description": summary(leaf),
+        "markdownDescription": explained(leaf),
+        "if": {"type": "object"},
+        "then": _named_arguments(leaf, things),
+        "else": _alone(leaf, things),
+    }
+    snippets = _values(leaf, things)
+    return {**found, "defaultSnippets": snippets} if snippets else found
+
+
+def explained(leaf: type[Leaf]) -> str:
+    """Return a leaf's entry in the catalogue, as Markdown for an editor."""
+    lines = [
+        f"`{each.name}`: {each.help}\n  ({terms(each)}{'; may stand alone' if each.principal else ''})"
+        for each in leaf.arguments.values()
+    ]
+    parts = [summary(leaf), details(leaf), "\n".join(f"- {line}" for line in lines)]
+    if leaf.drives:
+        parts.append(f"Drives: {', '.join(sorted(leaf.drives))}.")
+    if leaf.needs:
+        parts.append(f"Needs: {', '.join(sorted(leaf.needs))}.")
+    if leaf.stores:
+        parts.append(f"`as` keeps {leaf.stores}.")
+    return "\n\n".join(part for part in parts if part)
+
+
+def needs_nothing(leaf: type[Leaf]) -> bool:
+    """True for a leaf whose word may stand alone."""
+    return not leaf.open_ended and not any(argument.required for argument in leaf.arguments.values())
+
+
+def _principal(leaf: type[Leaf]) -> Argument | None:
+    return next((argument for argument in leaf.arguments.values() if argument.principal), None)
+
+
+def _named_arguments(leaf: type[Leaf], things: Things) -> Schema:
+    if leaf.open_ended:
+        return {"propertyNames": NAME, "minProperties": 1}
+    return {
+        "properties": {argument.name: described(argument, things) for argument in leaf.arguments.values()},
+        "required": [argument.name for argument in leaf.arguments.values() if argument.required],
+        "additionalProperties": False,
+    }
+
+
+def _alone(leaf: type[Leaf], things: Things) -> Schema:
+    """Return what a leaf takes without the name of an argument."""
+    principal = _principal(leaf)
+    if leaf.open_ended:
+        return {"type": "object", "errorMessage": "needs names and values, such as {count: 1}"}
+    if principal is None:
+        message = f"needs its arguments by name: {', '.join(leaf.arguments)}" if leaf.arguments else "takes no argument"
+        return {"type": "null" if needs_nothing(leaf) else "object", "errorMessage": message}
+    one = written(principal, things)
+    one.pop("defaultSnippets", None)  # they stand with the leaf's word, where editors look for them
+    return {"if": {"not": {"type": "null"}}, "then": one} if needs_nothing(leaf) else one
+
+
+def _values(leaf: type[Leaf], things: Things) -> list[Schema]:
+    """Return values to complete a leaf's word with; none for one that may stand alone."""
+    principal = _principal(leaf)
+    if leaf.open_ended:
+        return [{"label": "names and values", "body": {"count": 1}}]
+    if needs_nothing(leaf):
+        return []
+    if principal is None:
+        required = {argument.name: example(argument) for argument in leaf.arguments.values() if argument.required}
+        return [{"label": ", ".join(required), "body": required}]
+    if principal.kind in things:
+        return list(named(principal.kind, things[principal.kind])["defaultSnippets"])
+    return [{"label": str(example(principal)), "body": example(principal)}]

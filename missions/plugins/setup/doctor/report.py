@@ -1,0 +1,80 @@
+"""The report of a check-up for asking others: what was found, without whose computer it is."""
+
+import os
+import platform
+import pwd
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from drivers.extras import extras
+from drivers.finding.machine import Machine
+from drivers.finding.usb import all_usb
+from missions.plugins.setup.checkup import Checked
+
+SHORT = 4
+"""Letters that a serial number has at least: shorter ones are words."""
+
+
+def report(machine: Machine, found: Iterable[Checked]) -> str:
+    """Return the whole of it as a text."""
+    lines, known = list(_lines(machine, found)), secrets(machine)
+    return "\n".join([*lines[:4], *(anonymous(line, known) for line in lines[4:])]) + "\n"
+
+
+def secrets(machine: Machine) -> dict[str, str]:
+    """Return what is not to be told, with what stands for it, longest first."""
+    names = {platform.node(): "HOST", machine.text("/etc/hostname"): "HOST", str(Path.home()): "~"}
+    names |= dict.fromkeys((os.environ.get("USER", ""), os.environ.get("LOGNAME", ""), Path.home().name), "USER")
+    with suppress(KeyError):  # a user without a name
+        names[pwd.getpwuid(machine.uid).pw_name] = "USER"
+    serials = {usb.serial: "SERIAL" for _, usb in all_usb(machine) if len(usb.serial) >= SHORT}
+    ours = {name for name in names if name in {"", "root", "/"}}
+    found = {name: instead for name, instead in (names | serials).items() if name not in ours}
+    return dict(sorted(found.items(), key=lambda each: -len(each[0])))
+
+
+def anonymous(text: str, known: dict[str, str]) -> str:
+    """Return a text without what is known to be secret, and without what looks like it: keys, addresses, folders."""
+    for name, instead in known.items():
+        text = re.sub(rf"(?<![A-Za-z0-9]){re.escape(name)}(?![A-Za-z0-9])", instead, text)
+    for pattern, instead in _SHAPES:
+        text = pattern.sub(instead, text)
+    return text
+
+
+_SHAPES = (
+    (re.compile(r"//[^/\s@]+@"), "//SECRET@"),  # a name and a password in an address
+    (re.compile(r"(?<=[?&])([\w-]+)=[^&\s]+"), r"\1=SECRET"),
+    (re.compile(r"/(home|Users)/[^/\s]+"), "~"),
+    (re.compile(r"(?<=/dev/serial/by-id/)(\S+?)_[^_\s-]+(?=-if|-port|\s|$)"), r"\1_SERIAL"),
+    (re.compile(r"\b(?:[0-9a-fA-F]{2}:){5}[0-9a-fA-F]{2}\b"), "MAC"),
+    (re.compile(r"\b\d{1,3}(?:\.\d{1,3}){3}\b"), "ADDRESS"),
+    (re.compile(r"\b(?=\w*\d)(?=\w*[A-Za-z])\w{20,}\b"), "SECRET"),  # long, of figures and letters: a key
+)
+"""What gives somebody away by its shape."""
+
+
+def _lines(machine: Machine, found: Iterable[Checked]) -> Iterator[str]:
+    system = re.search(r'^PRETTY_NAME="?([^"\n]*)', machine.text("/etc/os-release"), re.MULTILINE)
+    board = machine.text("/proc/device-tree/model") or machine.text("/sys/class/dmi/id/product_name")
+    yield f"mission doctor, MissionTree {version('missiontree')}"
+    yield f"{board.rstrip(chr(0)) or 'a computer'}, {platform.machine()}, {system[1] if system else platform.system()}"
+    yield f"kernel {platform.release()}, Python {platform.python_version()}"
+    yield "packages: " + ", ".join(sorted({each for names in extras().values() for each in _versions(names)}))
+    yield ""
+    for each in found:
+        finding = each.finding
+        yield f"{finding.verdict:<8} {each.part} {finding.about}: {finding.what}"
+        if finding.cure:
+            yield f"         try: {finding.cure}"
+
+
+def _versions(names: Iterable[str]) -> Iterator[str]:
+    for name in names:
+        try:
+            yield f"{name} {version(name)}"
+        except PackageNotFoundError:
+            continue

@@ -1,0 +1,201 @@
+"""``mission hear``: what the robot understands, as somebody speaks or from a recording: to try it out."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import replace
+from math import ceil
+from pathlib import Path
+from threading import Event
+
+import click
+
+from config.library import find
+from config.robot import Section
+from drivers.api import SOUND_RATE, DeviceStatus
+from drivers.api.driver import Site
+from drivers.api.kinds import KINDS
+from drivers.api.senses import MOST_SURE, MicrophoneKeys
+from drivers.clock import ManualClock, SystemClock
+from drivers.errors import NoReply, NotConnected
+from drivers.microphone.wav import WavMicrophone, load
+from missions.assembly.assembled import CONNECT_TIME
+from missions.assembly.hearing import Hearing, hearing
+from missions.assembly.together import made_by
+from missions.cli.names import MISSION, ROBOT
+from missions.cli.numbers import Real
+from missions.cli.options import behaviours_option, leaves_for, params_option
+from missions.cli.printable import show_over
+from missions.cli.root import SUCCESS
+from missions.language.phrases import phrases_of
+from missions.library.drivers import Table, load_robot
+from missions.library.pronouncing import confusable_for
+from missions.library.shipped import load_mission
+from perception.api import Words
+from perception.hearing.engines import MODELLED, Sphinx
+from perception.hearing.grammar import Grammar, fault_of
+
+PAUSE = 0.05
+"""Seconds between two looks at what was heard."""
+
+QUIET, BAR = -70.0, 40
+"""The level in dBFS at which the bar is empty, and the signs that it has at 0 dBFS."""
+
+STEP, REST = 2.0, 2.0
+"""Seconds of a recording that are heard at a time; of silence behind it, in which the last words end."""
+
+RECOGNITION_TIMEOUT = 20.0
+"""Seconds that the recogniser may take to start, or for what was said."""
+
+
+def _sure(ctx: click.Context, option: click.Parameter, value: float | None) -> float | None:
+    """Refuse a threshold that no robot file may have; so also what is no number."""
+    if value is not None and not -MOST_SURE <= value <= MOST_SURE:
+        raise click.BadParameter(f"must be between {-MOST_SURE:g} and {MOST_SURE:g}", ctx=ctx, param=option)
+    return value
+
+
+@click.command(epilog="Example: mission hear --for 'yes, no, stop'")
+@click.argument("mission", type=MISSION, required=False)
+@click.option("--for", "phrases", metavar='"yes, no"', help="What to listen for, instead of a mission's phrases.")
+@click.option("--robot", type=ROBOT, help="Whose microphone and pronunciations; else the system's microphone.")
+@click.option("--wav", type=click.Path(path_type=Path, dir_okay=False), help="Listen to a recording instead.")
+@click.option(
+    "--threshold", type=Real(), callback=_sure, help="How sure is sure enough, instead of what the robot file says."
+)
+@params_option
+@behaviours_option
+def command(
+    mission: str | None,
+    phrases: str | None,
+    robot: str | None,
+    wav: Path | None,
+    threshold: float | None,
+    params: dict[str, str],
+    files: tuple[Path, ...],
+) -> int:
+    """Say what is heard: each phrase with its score, and whether it is sure enough.
+
+    Listens for the phrases of MISSION, or for those in --for. What is refused is shown with the nearest phrase. 0 is
+    as likely said as not. Ctrl-C ends it.
+    """
+    wanted = _wanted(mission, phrases, params, files)
+    section = _section(robot)
+    config: MicrophoneKeys = section.keys
+    if threshold is not None:
+        config = replace(config, threshold=threshold)
+    click.echo(f"listening for: {', '.join(wanted)}")
+    for one, other in confusable_for(config, Grammar.of(wanted).phrases):
+        click.echo(f"mission: '{one}' and '{other}' are easily confused\n  try: another or a longer phrase", err=True)
+    if wav is None:
+        _listen(replace(section, keys=config), wanted)
+    else:
+        _play(config, wanted, wav)
+    return SUCCESS
+
+
+def _wanted(
+    mission: str | None, phrases: str | None, params: Mapping[str, str], files: Sequence[Path]
+) -> Sequence[str]:
+    """Return what to listen for. A mission needs all its params, as when it runs: phrases may be made of them."""
+    if (mission is None) == (phrases is None):
+        raise click.UsageError('say what to listen for: a mission, or --for "yes, no"')
+    if mission is not None:
+        found = phrases_of(load_mission(mission, params=params, complete=True, leaves=leaves_for(files)(mission)).tree)
+        if not found:
+            raise click.UsageError(f"mission '{mission}' does not listen for anything")
+        return found
+    if params or files:
+        raise click.UsageError("--param and --behaviours are for a mission, not for what is said in --for")
+    texts = [text.strip() for text in (phrases or "").split(",")]
+    for text in texts:
+        if fault := fault_of(text):
+            raise click.BadParameter(f"'{text}': {fault}", param_hint="--for")
+    return texts
+
+
+def _section(robot: str | None) -> Section:
+    """Return the microphone of a robot, or the usual one. Raises click.UsageError for a robot without."""
+    if robot is None:
+        kind = KINDS["microphone"]
+        return Section(Table().find(kind.name, kind.usual), MicrophoneKeys())
+    section = load_robot(find("robots", robot)).sections.get("microphone")
+    if section is None:
+        raise click.UsageError(f"robot '{robot}' has no microphone: `microphone: {{}}` in its file gives it one")
+    return section
+
+
+def _listen(section: Section, phrases: Sequence[str]) -> None:
+    """Show the level of the microphone, and what is heard, until Ctrl-C."""
+    clock, pause = SystemClock(), Event()
+    config: MicrophoneKeys = section.keys
+    source = made_by(section.driver.make, section, "make")(config, Site(clock))
+    ears = hearing(config, source, phrases, clock, report=_complain)
+    with closing(ears):
+        ears.open()
+        while not (health := ears.health()).online:
+            if clock.now() > CONNECT_TIME:
+                raise NotConnected(health.detail, hint=health.hint)
+            pause.wait(PAUSE)
+        shown = 0
+        while True:
+            for words in _newer(ears, shown):
+                shown = words.id
+                show_over("")
+                click.echo(_told(words, config.threshold))
+            show_over(_bar(ears.level()))
+            pause.wait(PAUSE)
+
+
+def _play(config: MicrophoneKeys, phrases: Sequence[str], wav: Path) -> None:
+    """Show what is heard in a recording, as fast as it is understood."""
+    clock = ManualClock()
+    seconds = len(load("microphone", wav)) / SOUND_RATE + REST
+    source = WavMicrophone(wav, clock)
+    ears = hearing(config, source, phrases, clock, report=_complain)
+    hint = MODELLED.get(config.recogniser, Sphinx).hint
+    with closing(ears):
+        ears.open()
+        _wait(lambda: ears.listener.ready, ears, hint)
+        shown = 0
+        for _ in range(ceil(seconds / STEP)):
+            clock.advance(STEP)
+            _wait(lambda: (ears.listened() or 0.0) > clock.now() - STEP and not ears.listener.pending, ears, hint)
+            for words in _newer(ears, shown):
+                shown = words.id
+                click.echo(_told(words, config.threshold))
+
+
+def _wait(holds: Callable[[], bool], ears: Hearing, hint: str) -> None:
+    """Wait until it holds, in real time. Raises NoReply with what the ears say when it takes too long."""
+    clock, pause = SystemClock(), Event()
+    while not holds():
+        if clock.now() > RECOGNITION_TIMEOUT:
+            silent = f"microphone: the recogniser has said nothing for {RECOGNITION_TIMEOUT:g} s"
+            raise NoReply(ears.health().detail or silent, hint=hint)
+        pause.wait(PAUSE / 10)
+
+
+def _newer(ears: Hearing, shown: int) -> Iterator[Words]:
+    """Yield what was heard since, in order."""
+    heard = sorted((*ears.words(), *ears.refused()), key=lambda words: words.id)
+    return (words for words in heard if words.id > shown)
+
+
+def _told(words: Words, threshold: float) -> str:
+    """Return a line about something that was said."""
+    if not words.phrase:
+        return f"{words.start:7.1f} s  refused   like none of them"
+    verdict = "accepted" if words.score >= threshold else "refused "
+    return f"{words.start:7.1f} s  {verdict}  {words.phrase}  (score {words.score:+.1f})"
+
+
+def _bar(level: float) -> str:
+    """Return a level in dBFS as a bar."""
+    signs = round(BAR * min(max(1 - level / QUIET, 0.0), 1.0))
+    return f"{level:6.1f} dB  {'#' * signs}"
+
+
+def _complain(notice: DeviceStatus) -> None:
+    """Tell what goes wrong."""
+    if notice.kind == "fault":
+        click.echo(f"mission: {notice.what}" + (f"\n  try: {notice.hint}" if notice.hint else ""), err=True)

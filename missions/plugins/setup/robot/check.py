@@ -1,0 +1,37 @@
+"""``mission robot check``: whether what a robot file says is plugged in, and answers as it says. Nothing moves."""
+
+from pathlib import Path
+
+import click
+
+from config.library import MINE
+from drivers.clock import SystemClock
+from drivers.finding.machine import Machine
+from missions.cli.keys import interruptible
+from missions.cli.names import ROBOT
+from missions.cli.origin import robot_file
+from missions.cli.root import FAILURE, SUCCESS
+from missions.library.drivers import load_robot
+from missions.plugins.setup.checkup import check_robot
+from missions.plugins.setup.ports import root_option
+
+
+@click.command(epilog="Example: mission robot check turtlebot2_arm")
+@click.argument("name", required=False, default=MINE, type=ROBOT)
+@click.option("--reset", is_flag=True, help="Ask Arduinos too, which start anew by it, and may move.")
+@root_option
+def check(name: str, reset: bool, root: Path) -> int:
+    """Check a robot at rest: its file, its ports, and what answers there; without NAME, this computer's own.
+
+    It is the robot's half of `mission doctor`. Exit code 1 where something is wrong.
+    """
+    config, code = load_robot(robot_file(name)), SUCCESS
+    click.echo(f"{config.name}  {config.path}")
+    with interruptible():
+        for each in check_robot(config, name, Machine(root), SystemClock(), ports={}, resets=reset):
+            finding = each.finding
+            code = FAILURE if finding.verdict == "wrong" else code
+            click.echo(f"{finding.verdict:<8} {each.part} {finding.about}: {finding.what}")
+            if finding.cure and finding.verdict != "ok":
+                click.echo(f"         try: {finding.cure}")
+    return code

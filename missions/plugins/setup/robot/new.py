@@ -1,0 +1,287 @@
+"""``mission robot new``: from what is plugged in to a robot file, by questions; left, and taken up again."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import click
+
+from config.defaults import FILE, config_folder, drop_default, keep_default, load_defaults
+from config.editing import NotEditableError
+from config.faults import InvalidFileError, Source
+from config.library import UnknownNameError, find, shipped
+from config.robot import RobotConfig
+from config.saving import save_file
+from config.writing import word, write_new
+from drivers.api.driver import Driver
+from drivers.errors import DriverError
+from drivers.finding.asking import PATIENCE
+from drivers.finding.machine import Machine
+from drivers.servos.declared import DynamixelKeys
+from missions.cli.keys import interruptible
+from missions.cli.names import ROBOT
+from missions.cli.outputs import check_writable, writing
+from missions.cli.root import SUCCESS
+from missions.library.drivers import Table, load_robot, robot_of
+from missions.library.folders import state_folder
+from missions.library.shipped import load_mission
+from missions.library.target import target_of
+from missions.plugins.setup.ports import root_option
+from missions.plugins.setup.robot.choosing import choose, like
+from missions.plugins.setup.robot.desk import Found, plugged_in
+from missions.plugins.setup.robot.dialogue import Dialogue
+from missions.plugins.setup.robot.parts import Part, figures, robot_text, udev_rules
+from missions.plugins.setup.robot.servos import find_limits, name_joints, part_ids, take_calibration, take_limits
+from missions.plugins.setup.robot.trying import photograph, try_head
+
+# What a robot may do first: proposed to who has made one, or has made one this computer's.
+
+FIRST: Sequence[tuple[str, Mapping[str, str]]] = (
+    ("greet", {}),
+    ("square_3m", {}),
+    ("wave", {}),
+    ("wave", {"gesture": "hello"}),
+    ("wave", {"gesture": "arm_wave"}),
+    ("look_around", {}),
+)
+"""Missions with params, of which the first that a robot can do is proposed."""
+
+
+def able(config: RobotConfig) -> str:
+    """Return a mission that the robot can do, as it is typed; empty where it can do none of the first."""
+    for mission, params in FIRST:
+        with suppress(InvalidFileError, UnknownNameError):
+            load_mission(mission, params=params, robot=target_of(config))
+            return " ".join([mission, *(f"--param {name}={value}" for name, value in params.items())])
+    return ""
+
+
+# ``mission robot use``: the robot that this computer has, or none.
+
+
+@click.command(epilog="Example: mission robot use turtlebot2_arm")
+@click.argument("name", required=False, type=ROBOT)
+@click.option("--none", "no_robot", is_flag=True, help="Let this computer have no robot of its own any more.")
+def use(name: str | None, no_robot: bool) -> int:
+    """Make a robot this computer's own: NAME is a name or a file.
+
+    `mission run greet --on-robot` moves it then, `--robot mine` is it for every command, and what is simulated without
+    a --robot is it too. --none undoes that; the robot's file stays.
+    """
+    if no_robot == (name is not None):
+        raise click.UsageError("name a robot, or say --none: one of them")
+    if name is None:
+        return _forget()
+    path = find("robots", name)
+    config = load_robot(path)
+    stays = name if name in shipped("robots") or not Path(name).is_file() else str(path.resolve())
+    try:
+        with writing(config_folder() / FILE, "NAME"):
+            kept = keep_default("robot", word(stays))
+    except NotEditableError as error:
+        raise click.UsageError(str(error)) from error
+    click.echo(f"{stays} is this computer's robot now: {kept}")
+    mission = able(config)
+    click.echo(f"  next: mission run {mission} --on-robot" if mission else "  next: mission robot check")
+    return SUCCESS
+
+
+def _forget() -> int:
+    """Let this computer have no robot of its own."""
+    before = load_defaults().robot
+    if not before:
+        click.echo("this computer has no robot of its own")
+        return SUCCESS
+    try:
+        with writing(config_folder() / FILE, "--none"):
+            kept = drop_default("robot")
+    except NotEditableError as error:
+        raise click.UsageError(str(error)) from error
+    click.echo(f"{before} is this computer's robot no more: {kept}")
+    return SUCCESS
+
+
+LONGEST = 64
+"""Letters that the name of a robot may have."""
+
+
+@click.command(epilog="Example: mission robot new --yes")
+@click.option("--yes", is_flag=True, help="Take the default of each question: nothing moves, no servo is changed, "
+              "this computer's robot stays.")  # fmt: skip
+@click.option("--fresh", is_flag=True, help="Forget what was answered before.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Where to write it, instead of the folder of your robots.",
+)
+@root_option
+def new(yes: bool, fresh: bool, output: Path | None, root: Path) -> int:
+    """Make a robot file: what is plugged in, which parts, names, limits, trims, camera.
+
+    Each question has its default in round brackets. Ctrl-C leaves the dialogue; the same command takes it up again.
+    Nothing moves, and nothing is written into a servo, without a question of its own.
+    """
+    talk = Dialogue(state_folder() / "robot_new.json", yes=yes)
+    if fresh:
+        talk.forget()
+    try:
+        with interruptible():
+            return dialogue(talk, Machine(root), output)
+    except (click.Abort, KeyboardInterrupt):
+        kept = "your answers are kept; `mission robot new` goes on from here, --fresh begins anew"
+        click.echo(f"\n{kept if talk.kept else 'no answers are kept'}", err=True)
+        raise
+
+
+def dialogue(talk: Dialogue, machine: Machine, output: Path | None, *, patience: float = PATIENCE) -> int:
+    """Ask, and write the file."""
+    if talk.begun:
+        talk.tell("going on from where you left; --fresh begins anew")
+    name = talk.text("name", "what is the robot called?", "my_robot", lambda said: _free(said, output))
+    path = output or config_folder() / "robots" / f"{name}.yaml"
+    if output is None:
+        with writing(path, "-o"):
+            path.parent.mkdir(parents=True, exist_ok=True)
+    check_writable(path, "-o")
+    table = Table()
+    desk, found = plugged_in(talk, machine, table, patience=patience)
+    model = like(talk, found)
+    parts = choose(talk, table, desk, found, model)
+    summary = talk.text("summary", "what is it, in a line?", f"{', '.join(parts) or 'no parts'}.")
+    config = _filled(talk, machine, name, summary, parts, patience)
+    _tried(talk, machine, parts, config, patience)
+    text = robot_text(name, summary, _sections(parts))
+    config = robot_of(Source(str(path), text), path)
+    talk.tell("", *text.splitlines(), "")
+    if not talk.confirm("write", f"write this to {path}?", default=True):
+        talk.forget("write")
+        raise click.Abort
+    used = _is_used(talk, found)
+    return _written(talk, path, text, parts, config, used=used)
+
+
+def _is_used(talk: Dialogue, found: Sequence[Found]) -> bool:
+    """Ask whether the new robot becomes this computer's own: not with --yes, nor where nothing of it is plugged in."""
+    if talk.yes or not any(each.about or each.units for each in found):
+        return False
+    return talk.confirm("use", "make it this computer's robot?", default=True)
+
+
+def _free(name: str, output: Path | None) -> None:
+    if not name.replace("-", "_").isidentifier():
+        raise ValueError(f"'{name:.40}' is no name: letters, digits and _")
+    if len(name) > LONGEST:
+        raise ValueError(f"a name has at most {LONGEST} letters")
+    if name in shipped("robots"):
+        raise ValueError(f"{name} ships with MissionTree: give yours another name")
+    path = output or config_folder() / "robots" / f"{name}.yaml"
+    if path.exists():
+        raise ValueError(f"{path} is there already: give another name")
+
+
+def _sections(parts: Mapping[str, Part]) -> dict[str, tuple[Driver, dict[str, Any]]]:
+    return {kind: (part.driver, part.section) for kind, part in parts.items()}
+
+
+def _filled(
+    talk: Dialogue, machine: Machine, name: str, summary: str, parts: dict[str, Part], patience: float
+) -> RobotConfig:
+    """Ask for what the sections say, part by part, until the checker likes it.
+
+    A part that it does not like whatever is answered, as a neck without an arm, can be left out of the ``parts``.
+    """
+    whole: dict[str, Part] = {}
+    for kind in sorted(parts, key=lambda kind: (bool(parts[kind].driver.needs), list(parts).index(kind))):
+        part, before, told = parts[kind], dict(parts[kind].section), ""
+        while True:
+            if issubclass(part.driver.keys, DynamixelKeys):
+                _servos(talk, machine, kind, part, max(patience, 0.004))
+                if not part.section["joints"]:
+                    talk.tell(f"the {kind} is left out: the model of none of its servos is known")
+                    del parts[kind]
+                    break
+            figures(talk, kind, part)
+            try:
+                robot_of(Source(name, robot_text(name, summary, _sections({**whole, kind: part}))))
+                whole[kind] = part
+                break
+            except InvalidFileError as error:
+                if talk.yes:
+                    raise
+                talk.tell(str(error))
+                again, told = told == str(error), str(error)
+            if again and talk.confirm(f"{kind}?out", f"the same again: leave the {kind} out?", default=True):
+                del parts[kind]
+                break
+            talk.tell(f"so the questions about the {kind} come again")
+            for ending in ". ?":
+                talk.forget(f"{kind}{ending}")
+            part.section = dict(before)
+    return robot_of(Source(name, robot_text(name, summary, _sections(parts))))
+
+
+def _servos(talk: Dialogue, machine: Machine, arm: str, part: Part, patience: float) -> None:
+    """Ask for IDs, calibration and names of the servos of an arm, by its name."""
+    if part.port is None:
+        name_joints(talk, arm, part)
+        return
+    path = str(machine.at(part.port.path))
+    part_ids(talk, arm, part, path, patience=patience)
+    take_calibration(talk, arm, part, path, patience=patience)
+    name_joints(talk, arm, part)
+    take_limits(talk, arm, part, path, patience=patience)
+
+
+def _tried(talk: Dialogue, machine: Machine, parts: Mapping[str, Part], config: RobotConfig, patience: float) -> None:
+    """Find out by hand and by eye what no wire tells. What goes wrong is told, and left out."""
+    paths = {kind: str(machine.at(part.port.path)) for kind, part in parts.items() if part.port is not None}
+    try:
+        for name, part in parts.items():
+            if part.driver.kind == "arm" and name in paths:
+                find_limits(talk, name, part, config, paths[name], patience=max(patience, 0.004))
+        for name, part in parts.items():
+            if part.driver.kind == "head":
+                needs = part.driver.needs or (name,)
+                there = machine.at(f"/dev/i2c-{getattr(config.sections[name].keys, 'bus', '')}").exists()
+                reached = {kind: path for kind, path in paths.items() if kind in needs}
+                try_head(talk, parts, config, reached, name=name, there=there)
+    except DriverError as error:
+        talk.tell(f"{error}", f"  try: {error.hint}" if error.hint else "  left out")
+    camera = config.sections.get("camera")
+    if camera is not None and camera.driver.checkup:
+        photograph(talk, camera)
+
+
+def _written(
+    talk: Dialogue, path: Path, text: str, parts: Mapping[str, Part], config: RobotConfig, *, used: bool
+) -> int:
+    """Write the files, and say what to type next."""
+    name = config.name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        write_new(path, text)
+    except FileExistsError as error:
+        raise click.UsageError(str(error)) from error
+    talk.tell(f"wrote {path}")
+    rules = udev_rules(name, {kind: part.port for kind, part in parts.items() if part.port is not None})
+    if rules:
+        beside = path.with_suffix(".rules")
+        save_file(beside, rules)
+        talk.tell(f"wrote {beside}: names, rights and speed of its ports; to install it:")
+        talk.tell(f"  sudo cp {beside} /etc/udev/rules.d/99-{name}.rules && sudo udevadm control --reload")
+    called = name if path.parent == config_folder() / "robots" else str(path)
+    if used:
+        with suppress(NotEditableError):
+            keep_default("robot", called if called == name else str(path.resolve()))
+    elif (mine := load_defaults().robot) != called:
+        talk.tell(f"this computer's robot stays {mine or 'none'}; to change that: mission robot use {called}")
+    talk.forget()
+    talk.tell("next:", f"  mission robot check {called}")
+    mission = able(config)
+    if mission:
+        talk.tell(f"  mission run {mission} --robot {called} --simulate   (nothing moves)")
+        talk.tell(f"  mission run {mission} --robot {called}")
+    return SUCCESS

@@ -1,0 +1,283 @@
+"""The servos of a new robot: their IDs where two have the same, their joints' names, and how far those go."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from math import ceil, degrees, floor, radians
+from typing import Any
+
+from config.robot import RobotConfig
+from config.units import written
+from drivers.clock import SystemClock
+from drivers.errors import DriverError
+from drivers.servos.bus import At, Bus
+from drivers.servos.census import Found, census
+from drivers.servos.declared import DynamixelKeys, JointKeys
+from drivers.servos.feetech import FeetechKeys
+from drivers.servos.identification import require_sole
+from drivers.servos.joint import Joint
+from drivers.servos.lerobot import Calibrated, calibration_of, is_wheel
+from drivers.servos.make import joints as specs
+from drivers.servos.models import MODELS
+from drivers.servos.probe import IDS, TWO
+from drivers.servos.settings import apply, planned
+from drivers.servos.units import baud_code
+from missions.plugins.setup.robot.dialogue import Dialogue
+from missions.plugins.setup.robot.parts import Part
+from missions.plugins.setup.servo.bench import REPLY_TIMEOUT
+from missions.plugins.setup.servo.calibrate import Turned
+from missions.plugins.setup.servo.ranges import ranged
+
+MARGIN = radians(2)
+"""How far before the ends that were touched the limits lie."""
+
+DELIVERED = (1_000_000, 57_600)
+
+
+@contextmanager
+def opened(path: str, baud: int, patience: float) -> Iterator[Bus]:
+    """Open a bus; close it whatever comes. Raises NotConnected."""
+    with closing(Bus(path, SystemClock(), baud=baud, patience=patience)) as bus:
+        bus.open()
+        yield bus
+
+
+def name_joints(talk: Dialogue, arm: str, part: Part) -> None:
+    """Give each servo of an ``arm`` (its name) a joint's name, unless the robot that it is like has named them."""
+    if "joints" in part.section:
+        return
+    joints: dict[str, dict[str, Any]] = {}
+
+    def check(answer: str) -> None:
+        if not answer.isidentifier():
+            raise ValueError(f"'{answer}' is no name: letters, digits and _")
+        if answer in joints:
+            raise ValueError(f"'{answer}' is servo {joints[answer]['id']} already")
+
+    usual = JointKeys(id=0).model
+    if not part.units:
+        talk.tell("no servo has answered: their IDs are taken as you say")
+        count = int(talk.text(f"{arm} count", f"how many servos has the {arm}?", "1", _count))
+        kind = _model(talk, f"{arm} model", f"which model are the servos of the {arm}?", part, usual)
+        part.units = tuple((number, kind, "") for number in range(1, count + 1))
+    for number, told, _ in sorted(part.units):
+        model = told
+        if told not in MODELS:
+            question = f"which model is servo {number}, which says: {told}? '{LEFT_OUT}' leaves it out"
+            model = _model(talk, f"{arm} model {number}", question, part, LEFT_OUT)
+            if model == LEFT_OUT:
+                talk.tell(f"  servo {number} is left out")
+                continue
+        of = "" if arm == "arm" else f" of the {arm}"
+        question = f"what moves servo {number}{of} ({model})?"
+        name = talk.text(f"{arm} joint {number}", question, f"joint{number}", check)
+        joints[name] = {"id": number} | ({} if model == usual else {"model": model})
+    part.section["joints"] = joints
+
+
+LEFT_OUT = "none"
+
+
+def _model(talk: Dialogue, key: str, question: str, part: Part, default: str) -> str:
+    """Ask which model servos are that do not say so: one that the driver of the part knows."""
+    among = [name for name, model in MODELS.items() if (model.protocol == "STS") == (part.driver.name == "feetech")]
+    usual = default if default in (LEFT_OUT, *among) else among[0]
+
+    def check(answer: str) -> None:
+        if answer != usual and answer not in among:
+            raise ValueError(f"'{answer:.40}' is none of: {', '.join(among)}")
+
+    return talk.text(key, question, usual, check)
+
+
+def _count(answer: str) -> None:
+    if not answer.isdecimal() or not 0 < int(answer) <= len(IDS):
+        raise ValueError(f"say a number from 1 to {len(IDS)}")
+
+
+def part_ids(talk: Dialogue, arm: str, part: Part, path: str, *, patience: float = REPLY_TIMEOUT) -> None:
+    """Give servos that share an ID new ones, one after another: each write into the EEPROM is asked for."""
+    if not any(trouble == TWO for _, _, trouble in part.units):
+        return
+    talk.tell("two servos have one ID; servos are delivered with ID 1")
+    if talk.yes or not talk.confirm(f"{arm} ids", "give them new IDs now? it writes their EEPROM", default=False):
+        talk.tell("left as they are: mission servo set-id 1 NEW --port PORT, with one plugged in alone")
+        return
+    baud, taken = int(part.section.get("baud", DELIVERED[0])), dict[int, str]()
+    while True:
+        step = f"{arm} id {len(taken)}"
+        question = "plug in one servo alone; how is its new ID? 'done' after the last"
+        free = next(number for number in range(1, len(IDS)) if number not in taken)
+        answer = talk.text(step, question, str(free), lambda said: said == "done" or _new_id(said, taken))
+        if answer == "done":
+            break
+        model = talk.measured(f"{step} model", lambda: _given(talk, path, baud, int(answer), patience))  # noqa: B023
+        if not model:
+            talk.forget(step)
+            continue
+        taken[int(answer)] = model
+    part.units = tuple((number, model, "") for number, model in taken.items())
+    if taken:
+        talk.tell("plug them all in again")
+
+
+def _new_id(said: str, taken: Mapping[int, str]) -> bool:
+    if not said.isdecimal() or int(said) not in range(253):
+        raise ValueError(f"'{said}' is no ID: 0 to 252")
+    if int(said) in taken:
+        raise ValueError(f"{said} is another's already")
+    return True
+
+
+def _given(talk: Dialogue, path: str, baud: int, new: int, patience: float) -> str:
+    """Give the one servo that is plugged in a new ID, and return its model; empty where that could not be."""
+    try:
+        with opened(path, baud, patience) as bus:
+            found = list(census(bus, tuple(dict.fromkeys((baud, *DELIVERED))), ids=IDS))
+            one = found[0] if len(found) == 1 else None
+            if one is None or one.model is None or one.garbled:
+                talk.tell(f"  {len(found) or 'no'} servos answer, or it is not known: plug in one alone")
+                return ""
+            return one.model.name if _written(talk, bus, one, new, baud) else ""
+    except DriverError as error:
+        talk.tell(f"  {error}")
+        return ""
+
+
+def _written(talk: Dialogue, bus: Bus, one: Found, new: int, baud: int) -> bool:
+    """Write ID and rate of a servo, after asking; say whether it has them now."""
+    if one.model is None:
+        return False
+    bus.baud = one.baud
+    wanted = {"id": new} | ({} if one.baud == baud else {"baud": baud_code(baud, one.model.protocol)})
+    changes = planned(bus, one.at, one.model.table, wanted)
+    told = ", ".join(f"{change.register.name} {change.before} -> {change.after}" for change in changes)
+    if changes and not talk.sure(f"  {one.model.name}: write {told} into the EEPROM?"):
+        return False
+    apply(bus, one.at, one.model.table, changes)
+    talk.tell(f"  {one.model.name} has ID {new}")
+    return True
+
+
+def find_limits(
+    talk: Dialogue, name: str, part: Part, config: RobotConfig, path: str, *, patience: float = REPLY_TIMEOUT
+) -> None:
+    """Find how far the joints of the arm ``name`` go, moved by hand: torque goes off, where the user wants it."""
+    arm = config.sections[name].keys
+    if not isinstance(arm, DynamixelKeys) or talk.yes or part.port is None or "calibration" in part.section:
+        return
+    question = f"find the limits of the {name}'s joints by hand? they get limp: hold the {name}, it falls"
+    if not talk.knows(f"{name} ranges") and not talk.consent(f"{name} limits", question):
+        return
+    joints = {joint: Joint(joint, spec, MODELS[spec.model]) for joint, spec in specs(arm).items()}
+
+    def measure() -> dict[str, tuple[int, int]]:
+        with opened(path, arm.baud, patience) as bus:
+            return _turned(talk, bus, joints)
+
+    ends = talk.measured(f"{name} ranges", measure)
+    kept = {str(joint): dict(entries) for joint, entries in part.section["joints"].items()}
+    for joint, (lowest, highest) in ends.items():
+        turned = Turned(joints[joint], lowest, highest)
+        if (found := turned.within(MARGIN)) is None:
+            talk.tell(f"  {joint} was hardly turned: left as it is")
+            continue
+        new = ranged(arm.joints[joint], found)
+        if new.ticks is not None:
+            kept[joint]["ticks"] = {"init": new.ticks.init, "min": new.ticks.min, "max": new.ticks.max}
+        else:
+            lower, upper = ceil(10 * degrees(new.lower)) / 10, floor(10 * degrees(new.upper)) / 10  # never beyond
+            kept[joint]["limits"] = [f"{lower + 0.0:g} deg", f"{upper + 0.0:g} deg"]
+    part.section["joints"] = kept
+
+
+def _turned(talk: Dialogue, bus: Bus, joints: Mapping[str, Joint]) -> dict[str, tuple[int, int]]:
+    """Make joints limp, once each servo was identified, and watch how far they are turned, until Enter."""
+    turned = []
+    for joint in joints.values():
+        require_sole(bus, joint.at, joint.model.number)
+    for joint in joints.values():
+        bus.write(joint.at, joint.model.table["torque_enable"], 0)
+        ticks = bus.read(joint.at, joint.model.table["present_position"])
+        turned.append(Turned(joint, ticks, ticks))
+
+    def look() -> None:
+        for each in turned:
+            each.look(bus)
+
+    talk.watch(look, "turn each joint to both its ends by hand; then press Enter")
+    return {each.joint.name: (each.lowest, each.highest) for each in turned}
+
+
+# Servos of a new robot that LeRobot, or another program, has calibrated: its file, or their limits, are taken over.
+
+REGISTERS = ("position_offset", "min_position", "max_position")
+"""The registers that calibrating changes, in the order of ``Calibrated``."""
+
+FROM_FILE = ("limits", "zero", "reverse", "ticks")
+"""Keys of a joint that a calibration file stands for."""
+
+
+def take_calibration(talk: Dialogue, arm: str, part: Part, path: str, *, patience: float) -> None:
+    """Offer the calibration file that the servos of an ``arm`` (its name) come from. Only reads."""
+    held = _held(talk, arm, part, path, patience)
+    found = calibration_of(held) if held else None
+    if found is None:
+        return
+    file, names = found
+    question = f"LeRobot has calibrated the {arm} ({file}): shall its calibration be used?"
+    if not talk.confirm(f"{arm} calibration", question, default=True):
+        return
+    known = {joint["id"]: joint for joint in part.section.get("joints", {}).values()}
+    part.section["joints"] = {
+        name: {"id": number} | {key: it for key, it in known.get(number, {}).items() if key not in FROM_FILE}
+        for number, name in names.items()
+        if not is_wheel(name)
+    }
+    part.section = {"calibration": file, **part.section}
+    groups = part.section.get("groups", {})
+    if not all(joint in names.values() for group in groups.values() for joint in group):
+        del part.section["groups"]
+
+
+def take_limits(talk: Dialogue, arm: str, part: Part, path: str, *, patience: float) -> None:
+    """Take over the limits of servos that were calibrated, and whose file is not on this computer. Only reads."""
+    held = _held(talk, arm, part, path, patience)
+    if not held or "calibration" in part.section:
+        return
+    talk.tell(
+        f"servos of the {arm} were calibrated by another program: their limits are taken over as they are",
+        "  its file is better, if you have it: `calibration: FILE` in the robot file",
+    )
+    models = {number: model for number, model, _ in part.units}
+    for joint in part.section["joints"].values():
+        if joint["id"] in held and "ticks" not in joint:
+            model, limits = MODELS[models[joint["id"]]], held[joint["id"]]
+            way = -1 if joint.get("reverse") else 1
+            ends = sorted(model.angle(end) * way for end in (limits.low, limits.high))
+            joint.pop("zero", None)
+            joint["limits"] = [written(end, "angle") for end in ends]
+
+
+def _held(talk: Dialogue, arm: str, part: Part, path: str, patience: float) -> Mapping[int, Calibrated]:
+    """Return what calibrating has set in the servos, by ID; nothing for servos as delivered, or of another make."""
+    if part.driver.keys is not FeetechKeys or not part.units:
+        return {}
+    found: dict[str, Any] = talk.measured(f"{arm} calibrated", lambda: _read(talk, part, path, patience))
+    held = {int(number): Calibrated(*values) for number, values in found.items()}
+    plain = Calibrated(0, 0, MODELS["STS3215"].last)
+    return held if any(values != plain for values in held.values()) else {}
+
+
+def _read(talk: Dialogue, part: Part, path: str, patience: float) -> dict[str, list[int]]:
+    """Read the registers of all servos whose model is driven; of none where one does not answer."""
+    found = {}
+    try:
+        with opened(path, int(part.section.get("baud", 1_000_000)), patience) as bus:
+            for number, name, _ in part.units:
+                if name in MODELS:
+                    table = MODELS[name].table
+                    found[str(number)] = [bus.read(At(number, "STS"), table[register]) for register in REGISTERS]
+    except DriverError as error:
+        talk.tell(f"whether the servos were calibrated is not known: {error}")
+        return {}
+    return found

@@ -1,0 +1,201 @@
+"""``mission servo torque``, ``move``, ``reboot`` and ``recover``: joints by hand."""
+
+from collections.abc import Sequence
+from functools import partial
+from math import degrees, radians
+
+import click
+
+from behaviours.joints import MoveJoints
+from config.robot import RobotConfig
+from config.units import in_dimension
+from drivers.api import JointLimits
+from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply, NotConnected
+from drivers.servos.identification import require_sole
+from drivers.servos.joining import difference, restore
+from drivers.servos.joint import Joint
+from drivers.servos.telling import REMEDY
+from drivers.servos.units import called
+from missions.cli.root import FAILURE, SUCCESS
+from missions.library.target import target_of
+from missions.plugins.setup.servo.bench import Arm, Bench, opened_arm, opened_bus, pause
+from missions.plugins.setup.servo.running import run_leaf
+from missions.plugins.setup.servo.target import Target, target_options
+from missions.plugins.setup.servo.until import confirm_limp, hold_option
+
+RECOVERY = 3.0
+"""Seconds within which a servo that was revived tells that it is stiff: those of protocol 2.0 start again for it."""
+
+SLOWEST = radians(1)
+"""rad/s: slower than that no joint can be told to go."""
+
+BOOT = 1.0
+"""Seconds after which a servo that was restarted answers."""
+
+
+@click.command(epilog="Example: mission servo torque off --robot turtlebot2_arm")
+@target_options
+@click.argument("state", type=click.Choice(["on", "off"]))
+@click.argument("joints", nargs=-1, metavar="[JOINT|GROUP]...")
+@hold_option
+def torque(target: Target, state: str, joints: tuple[str, ...], yes: bool) -> int:
+    """Make joints stiff, or limp.
+
+    All, if none is named; stiff where they stand, with the torque limit of the robot file. They stay so afterwards. A
+    limp arm falls: `off` waits until you hold it and press Enter; without a terminal it needs --yes. Exit code 1 where
+    a servo did not confirm it, has shut down, or is not what the robot file says.
+    """
+    failed = 0
+    with opened_bus(target) as bench:
+        chosen = bench.chosen(joints)
+        if state == "off":
+            names = [joint.name for joint in chosen]
+            confirm_limp(names, stiff=any(_may_be_stiff(bench, each) for each in chosen),
+                         simulated=bench.simulated, yes=yes)  # fmt: skip
+        for joint in chosen:
+            try:
+                bench.require_sole(joint)
+                if state == "on":
+                    _stiffen(bench, joint)
+                else:
+                    bench.bus.write(joint.at, joint.model.table["torque_enable"], 0)
+            except NotConnected:
+                raise
+            except DriverError as error:
+                failed += 1
+                click.echo(f"{joint.title}: {error}" + (f"\n  try: {error.hint}" if error.hint else ""), err=True)
+            else:
+                click.echo(f"{joint.title} is {'stiff' if state == 'on' else 'limp'}")
+    return FAILURE if failed else SUCCESS
+
+
+def _may_be_stiff(bench: Bench, joint: Joint) -> bool:
+    """Whether a joint has torque, or does not say so. Raises NotConnected."""
+    try:
+        return bool(bench.bus.read(joint.at, joint.model.table["torque_enable"]))
+    except (NoReply, BadRequest):
+        return True
+
+
+def _stiffen(bench: Bench, joint: Joint) -> None:
+    """Make a joint stiff where it stands, with the speed and the force that the robot file gives it.
+
+    Raises DeviceFault where its servo is not what the file says, has shut down, or stays limp; NoReply, NotConnected,
+    BadRequest.
+    """
+    bus = bench.bus
+    if complaint := difference(bus, joint):
+        raise DeviceFault(complaint, hint=joint.cure or f"mission servo info {joint.spec.id}{bench.options}")
+    if joint.down:
+        raise DeviceFault("has shut down, and was left as it is", hint=REMEDY)
+    joint.wanted = True
+    restore(bus, joint, now=bench.clock.now())
+    if not bus.read(joint.at, joint.model.table["torque_enable"]):
+        raise DeviceFault("its torque does not stay on", hint=f"mission servo monitor --once{bench.options}")
+
+
+@click.command(
+    context_settings={"ignore_unknown_options": True},
+    epilog="Example: mission servo move elbow 30 deg --speed '45 deg/s'",
+)  # so that an angle may be below zero
+@partial(target_options, baud=False)
+@click.argument("joint")
+@click.argument("angle", nargs=-1, required=True)
+@click.option("--speed", metavar="SPEED", help='Such as "45 deg/s"; as fast as the file allows without it.')
+def move(target: Target, joint: str, angle: tuple[str, ...], speed: str | None) -> int:
+    """Move a joint, and wait for it.
+
+    Then the arm comes to the rest that its file asks for. Exit code 1 where the joint does not arrive.
+    """
+    try:
+        goal = in_dimension(" ".join(angle), "angle")
+        pace = None if speed is None else in_dimension(speed, "turn rate")
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+    if pace is not None and pace < SLOWEST:
+        raise click.UsageError(f"--speed {speed}: it must be above 0, and at least {degrees(SLOWEST):g} deg/s")
+    target.require_joints()
+    config = target.config()
+    reach = target_of(config).reaches[target.arm]
+    if joint not in reach.joints:
+        wrong = reach.unknown([joint])
+        raise BadRequest("; ".join(wrong) or f"'{joint}' is a group: name one joint")
+    return _move(target, config, joint, goal, pace, reach.joints[joint])
+
+
+def _move(
+    target: Target, config: RobotConfig, joint: str, wanted: float, pace: float | None, limits: JointLimits
+) -> int:
+    """Move it within its limits (rad, rad/s), and say where it is then."""
+    goal = min(max(wanted, limits.lower), limits.upper)
+    clamped = "" if goal == wanted else f", its limit for {degrees(wanted):+.1f} deg"
+    speed = {} if pace is None else {"speed": f"{min(pace, limits.speed):.9f} rad/s"}
+    code, leaf = run_leaf(target, config, MoveJoints, {"to": f"{{{joint}: {goal:.9f} rad}}", **speed})
+    state = leaf.robot.arm.states()[joint].value
+    if state is not None:
+        click.echo(f"{joint} is at {degrees(state.position):+.1f} deg{clamped}")
+    return code
+
+
+@click.command(epilog="Example: mission servo reboot 3 --port /dev/ttyUSB0")
+@target_options
+@click.argument("servo", metavar="ID|JOINT")
+@hold_option
+def reboot(target: Target, servo: str, yes: bool) -> int:
+    """Restart a servo of protocol 2.0.
+
+    It is limp then: waits until you hold the arm and press Enter; without a terminal a stiff servo needs --yes. That
+    is also the way out of an overload there.
+    """
+    with opened_bus(target) as bench:
+        at, model = bench.servo(servo)
+        if at.protocol != 2:
+            raise BadRequest(
+                f"servo {at.id} is an {model.name}: {called(at.protocol)} has no restart",
+                hint="mission servo recover --robot FILE, after an overload; else switch its power off and on",
+            )
+        require_sole(bench.bus, at, model.number)
+        stiff = bool(bench.bus.read(at, model.table["torque_enable"]))
+        confirm_limp([f"servo {at.id}"], stiff=stiff, simulated=bench.simulated, yes=yes)
+        require_sole(bench.bus, at, model.number)  # a person may have replugged something meanwhile
+        bench.bus.reboot(at)
+        pause(BOOT)
+        bench.bus.ping(at)
+    click.echo(f"servo {at.id} has restarted, and is limp")
+    return SUCCESS
+
+
+@click.command(epilog="Example: mission servo recover --robot turtlebot2_arm")
+@target_options
+def recover(target: Target) -> int:
+    """Revive servos that have shut down.
+
+    After an overload or heat they are made stiff again where they stand; then the arm comes to the rest that its file
+    asks for. First remove the cause: free the joint, or let the servo cool. Exit code 1 where one stays limp.
+    """
+    with opened_arm(target) as arm:
+        names = arm.joints.recover()
+        stiff = _stiff(arm, names)
+        health = arm.joints.health()
+    if not names:
+        click.echo("no servo has shut down" if not health.detail else health.detail, err=bool(health.detail))
+        return FAILURE if health.detail else SUCCESS
+    if stiff:
+        click.echo(f"stiff again: {', '.join(stiff)}")
+        if arm.config.at_end == "relax":
+            click.echo("limp again, as the robot file asks (at_end: relax)")
+    if len(stiff) < len(names):
+        click.echo(f"still limp: {', '.join(name for name in names if name not in stiff)}", err=True)
+        return FAILURE
+    return SUCCESS
+
+
+def _stiff(arm: Arm, names: Sequence[str]) -> list[str]:
+    """Return which of the joints tell, before ``RECOVERY`` is over, that they are stiff."""
+    begun = arm.clock.now()
+    while True:
+        told = {name: each for name, each in arm.joints.states().items() if each.good and each.stamp > begun}
+        stiff = [name for name in names if name in told and (state := told[name].value) is not None and state.torque]
+        if len(stiff) == len(names) or arm.clock.now() - begun > RECOVERY:
+            return stiff
+        pause()

@@ -1,0 +1,291 @@
+"""``mission servo home``: the calibration of Feetech servos as users of LeRobot know it, and its file."""
+
+import shlex
+import sys
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import degrees, radians
+from pathlib import Path
+
+import click
+
+from config.library import wrong_kind
+from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply
+from drivers.servos.bus import Bus
+from drivers.servos.calibration import HALF_TURN, LAST, MotorCalibration, load, text
+from drivers.servos.feetech import FeetechKeys
+from drivers.servos.joint import Joint
+from drivers.servos.settings import Change, apply, planned
+from missions.cli.columns import in_columns
+from missions.cli.numbers import InUnit
+from missions.cli.outputs import check_writable, save
+from missions.cli.root import FAILURE, SUCCESS
+from missions.plugins.setup.servo import origin
+from missions.plugins.setup.servo.bench import Bench, opened_bus
+from missions.plugins.setup.servo.calibrate import LEAST, limp
+from missions.plugins.setup.servo.origin import origin_file
+from missions.plugins.setup.servo.ranges import free
+from missions.plugins.setup.servo.target import Target, target_options
+from missions.plugins.setup.servo.until import confirm_limp, patience, require_terminal, show
+
+TURN = LAST + 1
+
+
+@dataclass(slots=True)
+class Homed:
+    """A servo as it is turned, in steps from the half turn at which it is to show its middle; ``offset`` does that."""
+
+    joint: Joint
+    before: int
+    offset: int
+    lowest: int = 0
+    highest: int = 0
+    place: int = 0  # counted on where its steps begin anew
+    no_stops: bool = False
+
+    def look(self, bus: Bus) -> None:
+        """Look where the servo is now; one look that gets no answer is no harm. Raises NotConnected."""
+        try:
+            shown = bus.read(self.joint.at, self.joint.model.table["present_position"])
+        except (NoReply, BadRequest):
+            return
+        place = (shown + self.before - self.offset) - HALF_TURN
+        self.place += (place - self.place + TURN // 2) % TURN - TURN // 2
+        self.lowest, self.highest = min(self.lowest, self.place), max(self.highest, self.place)
+
+    @property
+    def endless(self) -> bool:
+        """Whether it has no stops, as the user says or as it was turned."""
+        return self.no_stops or self.highest - self.lowest >= TURN
+
+    def trouble(self, margin: int) -> str:
+        """Say why its range is none; empty when it is one."""
+        if self.endless:
+            return ""
+        if self.lowest < -HALF_TURN or self.highest > TURN - HALF_TURN:
+            return (
+                "turned through half a turn from its middle, where its steps begin anew: begin nearer to its middle; "
+                "one without stops is turned once all the way round, or named: --no-stops"
+            )
+        return "hardly turned" if self.highest - self.lowest < LEAST / self.joint.model.tick + 2 * margin else ""
+
+    def found(self, margin: int, drive_mode: int) -> MotorCalibration:
+        """Return what the calibration file is to say, ``margin`` steps short of either end."""
+        if self.endless:  # as LeRobot writes it
+            return MotorCalibration(self.joint.spec.id, drive_mode, self.offset, 0, LAST)
+        low, high = self.lowest + HALF_TURN + margin, self.highest + HALF_TURN - margin
+        return MotorCalibration(self.joint.spec.id, drive_mode, self.offset, max(0, low), min(LAST, high))
+
+
+def offset_for(shown: int, before: int) -> int:
+    """Return the offset with which a servo shows the half turn that now shows ``shown``, with an offset ``before``."""
+    return max((shown + before - HALF_TURN + TURN // 2) % TURN - TURN // 2, -HALF_TURN)
+
+
+@click.command(epilog="Example: mission servo home --into so101.json --robot my_so101.yaml")
+@target_options
+@click.argument("joints", nargs=-1, metavar="[JOINT|GROUP]...")
+@click.option("--into", metavar="FILE", help="The calibration file, where the robot file names none.")
+@click.option("--restore", is_flag=True, help="Set the servos to what the calibration file says; nothing is turned.")
+@click.option("--other-servos", is_flag=True, help="With --restore: also into servos that seem to be others than those "
+              "that were calibrated.")  # fmt: skip
+@click.option("--no-stops", "endless", multiple=True, metavar="JOINT", help="A joint that turns all the way round, "
+              "such as wrist_roll: its range is the whole turn, and it need not be turned.")  # fmt: skip
+@click.option("--margin", type=InUnit("deg", 0.0, 20.0), default=2.0, show_default=True, metavar="DEG",
+              help="How far before the ends that are touched the limits lie.")  # fmt: skip
+@click.option("--seconds", type=InUnit("s", 0.1), metavar="N",
+              help="Take where the arm stands for its middle, and watch for so long; else until Enter.")  # fmt: skip
+@click.option("--yes", is_flag=True, help="Ask nothing: somebody holds the arm, and the EEPROM may be written.")
+def home(
+    target: Target, joints: tuple[str, ...], into: str | None, restore: bool, other_servos: bool,
+    endless: tuple[str, ...], margin: float, seconds: float | None, yes: bool,
+) -> int:  # fmt: skip
+    """Calibrate Feetech servos, as lerobot-calibrate does.
+
+    Waits until you hold the arm and press Enter, then makes the joints limp (all, if none is named). Bring each to the
+    middle of its range, then turn each to both its ends. The ranges go into a calibration file that LeRobot reads too;
+    then, after a question, offset and limits go into the servos (EEPROM). Ctrl-C writes nothing; the joints stay limp
+    either way. --restore refuses servos that are not those of the file.
+    """
+    arm = target.keys
+    if not isinstance(arm, FeetechKeys):
+        raise click.UsageError("the robot has no Feetech servos: mission servo calibrate  finds the limits of others")
+    file = _file(into or arm.calibration)
+    if not yes and not sys.stdin.isatty():
+        raise click.UsageError("this writes the EEPROM: add --yes, or confirm it at a terminal")
+    if restore:
+        with opened_bus(target) as bench:
+            return _restore(bench, file, bench.chosen(joints), yes=yes, other_servos=other_servos)
+    require_terminal(seconds)
+    for each in (file, origin_file(file)):
+        check_writable(each, "--into")
+    origin.load(file)  # before anything goes limp: where it cannot be read, the origins of other joints would be lost
+    kept = dict(load(str(file))) if file.exists() else {}
+    with opened_bus(target) as bench:
+        found = _turned(bench, bench.chosen(joints), endless, seconds, yes=yes)
+        click.echo(_table(found, radians(margin)))
+        if any(each.trouble(_steps(each, margin)) for each in found):
+            click.echo("nothing is written", err=True)
+            return FAILURE
+        modes = {name: int(joint.reverse) for name, joint in arm.servos.items()}
+        new = {each.joint: each.found(_steps(each, margin), modes[each.joint.name]) for each in found}
+        plans = _plan(bench, new)
+        if plans and (lost := origin.lost_calibration(bench.bus, plans, file)):
+            click.echo(lost, err=True)
+        _confirm_eeprom(plans, yes=yes)
+        if not _save(bench, file, kept, new):
+            click.echo("the servos are left as they were; --restore --into FILE writes a saved calibration", err=True)
+            return FAILURE
+        _apply(bench, plans, file)
+    if not arm.calibration:
+        click.echo(f"the robot file is to say calibration: {file.absolute()}")
+    return SUCCESS
+
+
+def _file(path: str) -> Path:
+    """Return the calibration file. Raises click.UsageError where none is named, and for a file of another kind."""
+    if not path:
+        raise click.UsageError("where is the calibration to be kept? --into so101.json")
+    file = Path(path).expanduser()
+    if wrong := wrong_kind("calibrations", file):
+        raise click.UsageError(wrong)
+    return file
+
+
+def _restore(bench: Bench, file: Path, joints: Sequence[Joint], *, yes: bool, other_servos: bool) -> int:
+    """Set the servos of joints to what a calibration file says, if they are those that it came from."""
+    known = load(str(file))
+    for joint in joints:
+        if joint.name not in known:
+            raise BadRequest(
+                f"calibration {file} has no motor '{joint.name}'; it has {', '.join(known)}",
+                hint="name the joints in the robot file as the motors are named, or name other joints here",
+            )
+        if (number := known[joint.name].id) != joint.spec.id:
+            raise BadRequest(f"calibration {file}: motor '{joint.name}' has ID {number}, the joint {joint.spec.id}")
+    for joint in joints:
+        bench.require_sole(joint)
+    wanted = {joint: known[joint.name] for joint in joints}
+    if not other_servos:
+        before, now = origin.load(file), origin.settings_of(bench.bus, joints)
+        origin.require_same_models(before, now)
+        lost = origin.lost_calibration(bench.bus, joints, file)
+        _settle_doubts([*origin.doubts(bench.bus, wanted, before, now), *[lost] * bool(lost)], yes=yes)
+    plans = _plan(bench, wanted)
+    stiff = any(bench.bus.read(joint.at, joint.model.table["torque_enable"]) for joint in plans)
+    confirm_limp([joint.name for joint in plans], stiff=stiff, simulated=bench.simulated, yes=yes)
+    _confirm_eeprom(plans, yes=yes)
+    _apply(bench, plans, file)
+    return SUCCESS
+
+
+def _settle_doubts(found: Sequence[str], *, yes: bool) -> None:
+    """Show what speaks against a restore, and ask. Raises DeviceFault with --yes, for then nobody is asked."""
+    if not found:
+        return
+    if yes:
+        hint = "name their own calibration file (--into FILE), or add --other-servos if it is right"
+        raise DeviceFault(f"are these the servos of the calibration? {'; '.join(found)}", hint=hint)
+    click.echo("are these the servos of the calibration?\n" + "\n".join(f"  {each}" for each in found), err=True)
+    click.confirm("restore it all the same?", abort=True, err=True)
+
+
+def _save(
+    bench: Bench, file: Path, kept: Mapping[str, MotorCalibration], new: Mapping[Joint, MotorCalibration]
+) -> bool:
+    """Keep what was measured, before any servo is changed, and which servos it is of."""
+    settings = {**origin.load(file), **origin.settings_of(bench.bus, new)}
+    if kept:
+        save(free(file), text(kept))
+    if not save(file, text({**kept, **{joint.name: each for joint, each in new.items()}})):
+        return False
+    click.echo(f"written into {file}")
+    return save(origin_file(file), origin.text(settings))
+
+
+def _steps(homed: Homed, margin: float) -> int:
+    return round(radians(margin) / homed.joint.model.tick)
+
+
+def _turned(
+    bench: Bench, joints: Sequence[Joint], endless: Collection[str], seconds: float | None, *, yes: bool
+) -> list[Homed]:
+    """Make the joints limp, take their middle, and watch how far they are turned."""
+    for name in endless:
+        if bench.joint(name) not in joints:
+            raise click.UsageError(f"--no-stops: {name} is not among the joints that are calibrated")
+    limp(bench, joints, yes=yes)
+    names = ", ".join(joint.name for joint in joints)
+    if seconds is None:
+        click.echo(f"limp: {names}\nbring each to the middle of its range; Enter goes on, Ctrl-C ends it", err=True)
+        with patience(bench.clock, None) as over:
+            while not over():
+                show(" ".join(f"{joint.name} {_shown(bench, joint)}" for joint in joints))
+    found = list(_middles(bench, joints, endless))
+    click.echo(f"limp: {names}\nturn each to both its ends by hand; Enter ends it, Ctrl-C writes nothing", err=True)
+    with patience(bench.clock, seconds) as over:
+        while not over():
+            for each in found:
+                each.look(bench.bus)
+            show("  ".join(f"{each.joint.name} {_width(each):.0f}" for each in found) + " deg")
+    return found
+
+
+def _middles(bench: Bench, joints: Iterable[Joint], endless: Collection[str]) -> Iterator[Homed]:
+    for joint in joints:
+        before = bench.bus.read(joint.at, joint.model.table["position_offset"])
+        offset = offset_for(_shown(bench, joint), before)
+        yield Homed(joint, before, offset, no_stops=joint.name in endless)
+
+
+def _shown(bench: Bench, joint: Joint) -> int:
+    return bench.bus.read(joint.at, joint.model.table["present_position"])
+
+
+def _width(homed: Homed) -> float:
+    return degrees((homed.highest - homed.lowest) * homed.joint.model.tick)
+
+
+def _table(found: Iterable[Homed], margin: float) -> str:
+    """Return how far each was turned from its middle."""
+    rows = []
+    for each in found:
+        tick = each.joint.model.tick
+        ends = [f"{degrees(steps * tick):+.1f}" for steps in (each.lowest, each.highest)]
+        remark = "turns all the way round" if each.endless else each.trouble(round(margin / tick))
+        rows.append([each.joint.name, str(each.before), str(each.offset), *ends, remark])
+    return in_columns(("joint", "offset", "new", "from deg", "to deg", ""), rows, left=frozenset({"joint", ""}))
+
+
+def _plan(bench: Bench, wanted: Mapping[Joint, MotorCalibration]) -> dict[Joint, list[Change]]:
+    """Return what is to be changed in the EEPROM of which servos, and say so."""
+    plans = {}
+    for joint, each in wanted.items():
+        values = {"position_offset": each.homing_offset, "min_position": each.range_min, "max_position": each.range_max}
+        if changes := planned(bench.bus, joint.at, joint.model.table, values):
+            plans[joint] = changes
+            said = ", ".join(f"{change.register.name} {change.before} -> {change.after}" for change in changes)
+            click.echo(f"{joint.title}: {said}")
+    if not plans:
+        click.echo("the servos are set so already")
+    return plans
+
+
+def _confirm_eeprom(plans: Collection[Joint], *, yes: bool) -> None:
+    """Ask before the EEPROM is written."""
+    if plans and not yes:
+        click.confirm("write this into the EEPROM?", abort=True, err=True)
+
+
+def _apply(bench: Bench, plans: Mapping[Joint, Sequence[Change]], file: Path) -> None:
+    """Change the EEPROM, and say so. Raises as ``apply``, and then says which servos are left as they were."""
+    left = list(plans)
+    try:
+        for joint, changes in plans.items():
+            apply(bench.bus, joint.at, joint.model.table, changes)
+            left.remove(joint)
+            click.echo(f"{joint.title}: written and verified")
+    except DriverError:
+        again = f"mission servo home --restore --into {shlex.quote(str(file))}{bench.options}"
+        click.echo(f"not written: {', '.join(joint.title for joint in left)}; later: {again}", err=True)
+        raise

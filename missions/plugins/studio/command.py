@@ -1,0 +1,172 @@
+"""``mission studio``: a page in the browser to see, start, drive and stop what runs on this machine."""
+
+import ipaddress
+import os
+import resource
+import socket
+import sys
+from contextlib import closing, suppress
+from errno import EADDRINUSE, EADDRNOTAVAIL
+from pathlib import Path
+from ssl import SSLError
+
+import click
+
+from drivers.transport.programs import end_command, tcp_holders
+from missions.cli.numbers import Whole
+from missions.cli.root import SUCCESS
+from missions.plugins.records import ring
+
+PORT = 8642
+
+PORTS_TRIED = 20
+"""Ports from the usual one on that are tried where none is named."""
+
+
+MIN_DESCRIPTORS = 128
+"""File descriptors without which the studio is not started: 64 are kept for a stop, and with few others it is deaf."""
+
+
+@click.command(epilog="Example: mission studio --open")
+@click.option(
+    "--port",
+    type=Whole(min=0, max=65535),
+    help=f"Where, 0 for any free port; {PORT} by default, or the next free one.",
+)
+@click.option(
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    metavar="ADDRESS",
+    help="Who can reach it: this computer alone, or with 0.0.0.0 all of its network.",
+)
+@click.option("--name", "names", multiple=True, metavar="NAME", help="Another name by which browsers ask for it.")
+@click.option("--open", "in_browser", is_flag=True, help="Open the page in the browser.")
+@click.option(
+    "--record/--no-record",
+    default=None,
+    help="Record the runs that it starts, simulated ones too: so it is unless your defaults.yaml says `record: false`.",
+)
+@click.option(
+    "--records",
+    type=click.Path(exists=True, file_okay=False, resolve_path=True, path_type=Path),
+    metavar="FOLDER",
+    expose_value=False,
+    callback=lambda _context, _option, folder: folder and os.environ.update({ring.SHOWN: str(folder)}),
+    help="The records that it shows; else those that are kept by default, as runs that it starts are in any case.",
+)
+@click.option(
+    "--certificate",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="TLS: a PEM file.",
+)
+@click.option("--key", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="FILE", help="Its key.")
+@click.option("--leash", type=Whole(), hidden=True, help="The end of a pipe: the studio ends with it.")
+@click.option("--keep-tokens", is_flag=True, help="The tokens of last time, so that links and bookmarks go on to work.")
+def command(
+    port: int | None,
+    host: str,
+    names: tuple[str, ...],
+    in_browser: bool,
+    record: bool | None,
+    certificate: Path | None,
+    key: Path | None,
+    leash: int | None,
+    keep_tokens: bool,
+) -> int:
+    """Serve a page to see, start, drive and stop robots, for the browsers of this computer, or of the network.
+
+    Whoever opens the printed link is signed in: as an operator, or with the other one as a viewer, who sees all and may
+    stop. Runs go on when the studio ends, and those of other terminals are in it too.
+    """
+    try:
+        from missions.plugins.studio import access as tokens  # noqa: PLC0415
+        from missions.plugins.studio.access import Access  # noqa: PLC0415 - the extra may be missing
+        from missions.plugins.studio.opening import page_opener  # noqa: PLC0415
+        from missions.plugins.studio.serving import Place, serve  # noqa: PLC0415
+    except ImportError as error:
+        raise click.UsageError(f"the studio needs {error.name}\n  try: pip install 'missiontree[studio]'") from error
+    if key is not None and certificate is None:
+        raise click.UsageError("--key goes with --certificate FILE")
+    _check_descriptors()
+    access = Access(*tokens.kept_tokens(), keep=tokens.keep_tokens) if keep_tokens else Access()
+    listener = _listen(host, port)
+    with closing(listener):
+        kept = ring.wanted() if record is None else record
+        place = Place(host, listener.getsockname()[1], names, certificate, key, kept, access, leash)
+
+        def begun() -> None:
+            link = place.link(access.operator)
+            click.echo(f"studio: {link}")
+            click.echo(f"to look and stop only: {place.link(access.viewer)}")
+            if not _is_loopback(host):
+                _show_code(link)
+                if certificate is None:
+                    click.echo(
+                        "without TLS: who listens on this network can read the link (--certificate FILE)", err=True
+                    )
+            if in_browser:
+                opener.open()
+
+        def report(text: str) -> None:
+            click.echo(text, err=True)
+
+        try:
+            with page_opener(access, place.link, report) as opener:
+                running = serve(place, [listener], begun)
+        except (SSLError, OSError) as error:
+            raise click.ClickException(f"{certificate or host}: {error}") from error
+    if running:
+        click.echo(f"still running: {', '.join(map(str, running))}\n  try: mission stop --end")
+    return SUCCESS
+
+
+def _check_descriptors() -> None:
+    """Raise ClickException where this process may open too few files to serve anybody."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if limit != resource.RLIM_INFINITY and limit < MIN_DESCRIPTORS:
+        few = f"open files are limited to {limit}, and the studio needs {MIN_DESCRIPTORS}"
+        raise click.ClickException(f"{few}\n  try: ulimit -n 1024  (in this shell)")
+
+
+def _listen(host: str, port: int | None) -> socket.socket:
+    """Return the socket at a port; without one, at the usual port or the next free one. Raises ClickException."""
+    from missions.plugins.studio.serving import Place, listening  # noqa: PLC0415
+
+    tried = range(PORT, PORT + PORTS_TRIED) if port is None else [port]
+    for each in tried:
+        try:
+            found = listening(Place(host, each))
+        except OSError as error:
+            if error.errno != EADDRINUSE:
+                hint = "another --port" if each and error.errno != EADDRNOTAVAIL else "another --host"
+                raise click.ClickException(f"{host} port {each}: {error.strerror or error}\n  try: {hint}") from error
+        else:
+            if each not in (PORT, port):
+                click.echo(f"port {PORT} is in use{_held_by(PORT)[0]}: this studio is at port {each}", err=True)
+            return found
+    who, ends = _held_by(tried[0])
+    cure = f"mission studio --port 0  (any free port){ends}"
+    raise click.ClickException(f"{host} port {tried[0]}: in use{who}\n  try: {cure}")
+
+
+def _held_by(port: int) -> tuple[str, str]:
+    """Return who has a port, and how to end that; empty texts where the user may not know."""
+    holders = tcp_holders(port)
+    ends = end_command(holders, "")
+    return f" by {', '.join(map(str, holders))}" if holders else "", f"; or: {ends}" if ends else ""
+
+
+def _is_loopback(host: str) -> bool:
+    with suppress(ValueError):
+        return ipaddress.ip_address(host).is_loopback
+    return host == "localhost"
+
+
+def _show_code(link: str) -> None:
+    """Draw a link for the camera of a phone."""
+    import segno  # noqa: PLC0415 - only where it is wanted
+
+    if sys.stdout.isatty():
+        segno.make(link, error="m").terminal(compact=True)

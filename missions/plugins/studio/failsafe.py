@@ -1,0 +1,30 @@
+"""What a base does while something goes wrong, for the page: stepped through by the product's own classes."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+
+from config.faults import did_you_mean
+from missions.control.commands import Command
+from missions.control.form import BadMessage
+from missions.plugins.studio.wishes import Failsafe
+from missions.plugins.testing.failsafe.ride import stepped_through
+from missions.plugins.testing.failsafe.settings import CHOICES, ROBOT, Setting
+from missions.plugins.testing.failsafe.words import steps
+
+Json = dict[str, object]
+
+
+def failsafe(command: Command) -> Json:
+    """Answer `failsafe`. Raises BadMessage for a word that is no choice."""
+    wanted = command if isinstance(command, Failsafe) else Failsafe()
+    chosen = {name: getattr(wanted, name) or words[0] for name, words in CHOICES.items()}
+    for name, word in chosen.items():
+        if word not in CHOICES[name]:
+            hint = did_you_mean(word, CHOICES[name]) or f"one of: {', '.join(CHOICES[name])}"
+            raise BadMessage("bad_field", f"'{name}' cannot be {word[:60]!r}", hint)
+    moments = [{**asdict(each), "words": words} for each, words in steps(stepped_through(Setting(**chosen)))]
+    return {"robot": ROBOT, "choices": CHOICES, "chosen": chosen, "moments": moments}
+
+
+DOES: Mapping[str, Callable[[Command], Json]] = {"failsafe": failsafe}
+"""What does each command."""

@@ -1,0 +1,242 @@
+"""Records of runs, looked at piece by piece: none is read whole, but small ones to compare them or report of them."""
+
+import os
+import struct
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from datetime import datetime
+from itertools import pairwise
+from math import inf
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING, Any
+
+from drivers.clock import SystemClock
+from missions.control.commands import Command
+from missions.control.form import BadMessage
+from missions.control.outlet import UNWRITTEN
+from missions.executive.events import Ended
+from missions.plugins.records.comparison.runs import IncomparableError, compared
+from missions.plugins.records.comparison.words import as_json
+from missions.plugins.records.recording.faults import MAX_TIME, InvalidRecordError, message_in, understanding
+from missions.plugins.records.recording.items import EVENTS
+from missions.plugins.records.recording.read import Record, began_at, open_record
+from missions.plugins.records.replay.frames import SAME
+from missions.plugins.records.report.page import page
+from missions.plugins.records.report.study import MOST_PICTURES, study
+from missions.plugins.records.ring import records_in, shown_folder
+from missions.plugins.studio import wishes
+from missions.trees.drawing import ACTIVE
+from missions.trees.tree_json import to_json
+
+if TYPE_CHECKING:  # it needs mcap
+    from missions.plugins.records.recording.container import Message
+
+Json = dict[str, object]
+
+BUDGET = 0.25
+"""Seconds of work on one piece of a record; what comes behind it is in the next."""
+
+TOLD = frozenset({*EVENTS.values(), "/feedback", "/state/base"})
+"""The topics that a piece of a record is told of."""
+
+BEFORE = 16_000_000
+"""Bytes before a moment that are looked through for what was so then."""
+
+MOST_PLACES = 2000
+"""Places of the base's way in one piece."""
+
+LARGEST_WHOLE = 200_000_000
+"""Bytes of a record that is made a report of, or compared: that reads it whole."""
+
+TAIL = 4
+"""Chunks at the end of a record in which its end is looked for."""
+
+_TIMES = struct.Struct("<QQ")
+_HEAD = 9  # bytes before what a chunk holds
+
+
+class Opened:
+    """A record, and the pieces of it: ``chunks`` are when each begins and ends (s), in order of time."""
+
+    def __init__(self, path: Path) -> None:
+        self.record = open_record(path)
+        began = began_at(self.record.head)
+        self.chunks = []
+        container = self.record.container
+        with path.open("rb") as file:
+            for span in container.chunk_spans:
+                times = container.times.get(span.start)
+                if times is None:  # it was never closed, and has no index
+                    file.seek(span.start + _HEAD)
+                    found = file.read(_TIMES.size)
+                    times = _TIMES.unpack(found) if len(found) == _TIMES.size else None
+                if times is not None:
+                    self.chunks.append(((times[0] - began) / 1e9, (times[1] - began) / 1e9, span))
+        self.chunks.sort(key=lambda chunk: chunk[0])
+
+    def piece(self, first: int, last: int) -> Record:
+        """Return the record of these chunks alone."""
+        whole = self.record
+        spans = [span for _, _, span in self.chunks[first:last]]
+        container = replace(whole.container, spans=spans)
+        return Record(container, whole.head, whole.files, self.until, None)
+
+    @property
+    def until(self) -> float:
+        """When it ends."""
+        return max((end for _, end, _ in self.chunks), default=0.0)
+
+    def end(self) -> Ended | None:
+        """Return how the run ended, where the end of the record tells it."""
+        return self.piece(max(0, len(self.chunks) - TAIL), len(self.chunks)).end()
+
+    def before(self, time: float) -> Iterator[tuple[int, int]]:
+        """Yield the chunks that begin up to ``time``, one by one from the last, for ``BEFORE`` bytes."""
+        last, size = bisect_left(self.chunks, time + SAME, key=lambda chunk: chunk[0]), 0
+        while last > 0 and size < BEFORE:
+            span = self.chunks[last - 1][2]
+            size += span.end - span.start
+            yield last - 1, last
+            last -= 1
+
+
+def listed(command: Command) -> Json:
+    """Answer `records`."""
+    del command
+    return {"folder": str(shown_folder()), "records": [entry(path) for path in records_in(shown_folder())]}
+
+
+def record(command: Command) -> Json:
+    """Answer `record`."""
+    if not isinstance(command, wishes.Record):
+        raise TypeError(command.word)
+    opened = Opened(path_of(command.name))
+    first = bisect_left(opened.chunks, command.start, key=lambda chunk: chunk[0])
+    clock, last, gathered = SystemClock(), first, _Gathered()
+    for start, *_ in opened.chunks[first:]:
+        if start > max(command.start, opened.chunks[first][0]) and clock.now() >= BUDGET:
+            break  # never between chunks that begin at once: the next piece would begin with the first of them again
+        gathered.add(opened.piece(last, last + 1))
+        last += 1
+    told = {**_about(opened.record), "until": opened.until, **gathered.told()}
+    if first == 0:
+        told |= {**_ended(opened.end()), "drawing": to_json(opened.record.drawing())}
+    if last < len(opened.chunks):
+        told["more"] = opened.chunks[last][0]
+    return told
+
+
+def report(name: str) -> str:
+    """Return the report of a record, as a page. Raises BadMessage for one that is too large."""
+    return page(study(_whole(name, f"mission report {quote(str(path_of(name)))}"), most_pictures=MOST_PICTURES))
+
+
+def compare(command: Command) -> Json:
+    """Answer `compare`."""
+    if not isinstance(command, wishes.Compare):
+        raise TypeError(command.word)
+    names = command.name, command.other
+    hint = f"mission record compare {' '.join(quote(str(path_of(name))) for name in names)}"
+    try:
+        return dict(as_json(compared(*(_whole(name, hint) for name in names))))
+    except IncomparableError as error:
+        raise BadMessage("bad_record", str(error)) from error
+
+
+DOES: Mapping[str, Callable[[Command], Json]] = {"records": listed, "record": record, "compare": compare}
+"""What does each command."""
+
+
+def messages(piece: Record, topics: frozenset[str], time: float = inf) -> "Iterator[Message]":
+    """Yield what was told on topics up to a time: nothing else of the piece is read."""
+    latest = began_at(piece.head) + (time + SAME) * 1e9
+    return (message for message in piece.container.messages(topics) if message.time <= latest)
+
+
+def _whole(name: str, hint: str) -> Record:
+    """Return a record that is read whole. Raises BadMessage for one that is too large for that."""
+    path = path_of(name)
+    if (size := path.stat().st_size) > LARGEST_WHOLE:
+        told = f"{path}: {size / 1e6:.0f} MB are too much for this in the studio (at most {LARGEST_WHOLE / 1e6:.0f})"
+        raise BadMessage("bad_record", told, hint)
+    return open_record(path)
+
+
+def path_of(name: str) -> Path:
+    """Return the record of a name. Raises BadMessage for what is none of those that are listed."""
+    found = next((path for path in records_in(shown_folder()) if path.name == name), None)
+    if found is None:
+        raise BadMessage("no_such_record", f"there is no record '{name[:80]}' in {shown_folder()}")
+    return found
+
+
+def entry(path: Path) -> Json:
+    """Return what lists say of a record: `trouble` where it cannot be read."""
+    told: Json = {"name": path.name, "bytes": path.stat().st_size}
+    if (name := os.fsencode(path.name).decode("utf-8", "replace")) != path.name:
+        trouble = "the name of this file is not text in UTF-8, so no link leads to it: rename the file"
+        return {**told, "name": name, "began": path.stat().st_mtime, "trouble": trouble}
+    try:
+        opened = Opened(path)
+        return told | _about(opened.record) | {"seconds": opened.until} | _ended(opened.end())
+    except (InvalidRecordError, OSError) as error:
+        return told | {"began": path.stat().st_mtime, "trouble": str(error)[:500]}
+
+
+def _about(found: Record) -> Json:
+    head = found.head
+    began = datetime.fromisoformat(head.started).timestamp()
+    return {
+        "mission": head.mission,
+        "robot": head.robot,
+        "simulated": head.simulate,
+        "world": head.world,
+        "began": began,
+    }
+
+
+def _ended(end: Ended | None) -> Json:
+    return {"result": "", "reason": ""} if end is None else {"result": end.result, "reason": end.reason}
+
+
+class _Gathered:
+    """What pieces tell together."""
+
+    def __init__(self) -> None:
+        self._lanes: dict[str, list[list[object]]] = {}
+        self._log: list[object] = []
+        self._failures: list[float] = []
+        self._trail: list[list[float]] = []
+
+    def add(self, piece: Record) -> None:
+        """Take in a piece, which comes behind the others."""
+        with understanding(piece.path):
+            found = [(message.topic, message_in(message.data)) for message in messages(piece, TOLD)]
+            for topic, told in sorted(found, key=lambda each: float(each[1]["t"])):
+                t = round(told["t"], 4)
+                if topic == "/nodes":
+                    self._lanes.setdefault(told["node"], []).append([t, told["status"], told["reason"]])
+                    self._failures += [t] if told["status"] == "failure" else []
+                elif topic == "/feedback":
+                    lane = self._lanes.setdefault(told["node"], [])
+                    if not lane or lane[-1][1] in ACTIVE:
+                        lane.append([t, lane[-1][1] if lane else "running", told["reason"]])
+                elif topic == "/state/base":
+                    self._trail += place_in(told)
+                elif (event := piece.event(topic, told)) is not None and not isinstance(event, UNWRITTEN):
+                    self._log.append(event.as_dict())
+
+    def told(self) -> Json:
+        """Return it as an answer has it."""
+        places = [place for before, place in pairwise([[], *self._trail]) if place[1:] != before[1:]]
+        step = max(1, len(places) // MOST_PLACES)
+        return {"lanes": self._lanes, "log": self._log, "failures": self._failures, "trail": places[::step]}
+
+
+def place_in(told: Mapping[str, Any]) -> list[list[float]]:
+    """Return when the base was where, if a message tells that."""
+    found = [told[name] for name in ("t", "x", "y", "heading")]
+    known = told["quality"] == "good" and all(isinstance(each, int | float) and abs(each) < MAX_TIME for each in found)
+    return [[round(each, 3) for each in found]] if known else []

@@ -1,0 +1,358 @@
+"""What all clients of a studio share: the runs, the page, who is there, and who does what they ask for."""
+
+import asyncio
+import base64
+import hashlib
+import json
+import subprocess
+import sys
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, replace
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Lock
+from typing import Protocol, TypeVar
+from weakref import WeakKeyDictionary
+
+from config.defaults import config_folder
+from config.faults import InvalidFileError
+from config.fleet import FILE, load_fleet
+from config.library import shipped
+from missions.control.commands import KEY, Command, Role, Stop, Tuned, Watch
+from missions.control.form import BadMessage, written
+from missions.control.messages import OLDEST_VERSION, VERSION, Runs, Welcome
+from missions.library.people import PeopleError, proper_name
+from missions.plugins.fleet.operator import Operator, operating
+from missions.plugins.fleet.roster import Member
+from missions.plugins.fleet.words import Address, Answer
+from missions.plugins.studio.access import Access
+from missions.plugins.studio.audit import UNTOLD, Audit
+from missions.plugins.studio.hub import Hub
+from missions.plugins.studio.launch import Launcher
+from missions.plugins.studio.reader import Reader
+from missions.plugins.studio.watching import Hearer, Watching
+from missions.plugins.studio.wishes import (
+    AddPerson,
+    ApproveTask,
+    Fleet,
+    KeepTuning,
+    ReleaseFleet,
+    Revoke,
+    ShowPerson,
+    Start,
+    StopFleet,
+)
+from missions.plugins.tasks.task import TaskError
+
+# Letting the robot know somebody from what the camera of a run sees: by `mission person add`, and by its rules.
+
+COUNT = 6
+"""Pictures that are taken."""
+
+EVERY = 0.8
+"""Seconds from one to the next: time to turn one's head a little."""
+
+PATIENCE = 30.0
+"""Seconds that the pictures may take, and as many that `mission person add` may."""
+
+
+async def add_person(
+    command: AddPerson, shown: Sequence[bytes], watching: Watching | None = None, robot: str = ""
+) -> Mapping[str, object]:
+    """Answer `add_person`: with the people of the ``robot``, where it is one of the library, else the user's."""
+    try:
+        proper_name(command.name)  # what cannot be one is said before anybody poses
+    except PeopleError as error:
+        raise BadMessage("no_person", str(error), error.hint) from error
+    pictures = shown if watching is None else await _pictures(watching)
+    if not pictures:
+        raise BadMessage("no_person", "nobody was added: no picture was handed over", "show_person")
+    with TemporaryDirectory(prefix="person-") as folder:
+        files = [Path(folder, f"{number}.jpg") for number in range(1, len(pictures) + 1)]
+        for file, picture in zip(files, pictures, strict=True):
+            file.write_bytes(picture)
+        words = ["--robot", robot] if robot in shipped("robots") else []
+        said = await asyncio.to_thread(_add, *words, "--", command.name, *map(str, files))
+    return {"message": said}
+
+
+def picture_in(command: ShowPerson) -> bytes:
+    """Return the picture that somebody hands over. Raises BadMessage; what is in it `mission person add` finds out."""
+    try:
+        return base64.b64decode(command.jpeg, validate=True)
+    except ValueError as error:
+        raise BadMessage("bad_field", f"'jpeg' is no base64: {error}") from error
+
+
+async def _pictures(watching: Watching) -> list[bytes]:
+    """Take pictures of who stands before the camera of a run. Raises BadMessage where it shows none."""
+    hearer, taken, last = Hearer(watching), list[bytes](), -EVERY
+    try:
+        async with asyncio.timeout(PATIENCE):
+            await watching.watch(hearer, Watch(state=False, pictures=1 / EVERY))
+            async for line in hearer.lines():
+                told = json.loads(line)
+                if told["say"] != "picture":
+                    continue
+                watching.seen(hearer, told["t"])
+                if told["t"] - last < EVERY:
+                    continue
+                last = told["t"]
+                taken.append(base64.b64decode(told["jpeg"]))
+                if len(taken) == COUNT:
+                    return taken
+    except TimeoutError:
+        pass
+    finally:
+        watching.leave(hearer)
+    why = f"the camera of run {watching.run} has shown {len(taken)} pictures, and it takes {COUNT}"
+    raise BadMessage(
+        "no_person", f"nobody was added: {why}", "a mission that uses the camera, such as by_hand/drive_and_look"
+    )
+
+
+def _add(*words: str) -> str:
+    """Run `mission person add`, and return what it says. Raises BadMessage with its own words where it refuses."""
+    done = subprocess.run(  # noqa: S603 - ourselves
+        [sys.executable, "-m", "missions", "person", "add", *words],
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PATIENCE, check=False,
+    )  # fmt: skip
+    if done.returncode:
+        raise BadMessage("no_person", done.stderr.strip()[-4000:] or f"it ended with exit code {done.returncode}")
+    return "\n".join(filter(None, [done.stdout.strip(), done.stderr.strip()]))
+
+
+# The fleet of this computer, for the page: who is there and what each does, and all of them stopped or released.
+
+T = TypeVar("T")
+
+Json = Mapping[str, object]
+
+
+class FleetDesk:
+    """Somebody at the fleet of ``fleet.yaml``, from the first time that anybody asks until it is closed.
+
+    Without that file there is no fleet: a studio joins none unasked.
+    """
+
+    def __init__(self) -> None:
+        self._closed, self._lock = ExitStack(), Lock()
+        self._operator: Operator | None = None
+        self._closings = 0
+        self._met = False
+
+    async def do(self, command: Command, by: str) -> Json:
+        """Do what is asked of the fleet. Raises BadMessage("no_fleet")."""
+        match command:
+            case Fleet():
+                return await self._there(self._list)
+            case StopFleet():
+                return await self._there(lambda operator: _stopped(*operator.stop(by)))
+            case ReleaseFleet():
+                names = [command.robot] if command.robot else []
+                return await self._there(lambda operator: _answers(operator.release(names, by, resume=command.resume)))
+        raise BadMessage("unknown_command", f"a fleet does not know '{command.word}'")
+
+    async def _there(self, work: Callable[[Operator], T]) -> T:
+        try:
+            return await asyncio.to_thread(lambda: work(self._at()))
+        except (TaskError, InvalidFileError) as error:
+            raise BadMessage("no_fleet", str(error)[:2000], str(getattr(error, "hint", ""))[:500]) from error
+
+    def _at(self) -> Operator:
+        """Return who is at the fleet. Opening a session may take its time: nobody waits for another's."""
+        with self._lock:
+            if self._operator is not None:
+                return self._operator
+            closings = self._closings
+        if not (config_folder() / FILE).is_file():
+            hint = f"echo 'fleet: home' > {config_folder() / FILE}"
+            raise TaskError(f"there is no {FILE}, which says in which fleet this computer is", hint=hint)
+        with ExitStack() as opened:
+            operator = opened.enter_context(operating(load_fleet()))
+            with self._lock:
+                if self._closings != closings:
+                    raise TaskError("the studio has left the fleet")
+                if self._operator is None:  # else another was quicker, and this session is closed again
+                    self._operator, self._closed = operator, opened.pop_all()
+                return self._operator
+
+    def _list(self, operator: Operator) -> Json:
+        """Say who is there; waits for that, the first time, while others may stop the fleet."""
+        met, self._met = self._met, True
+        if not met:
+            operator.meet()
+        return _listed(operator)
+
+    def close(self) -> None:
+        """Leave the fleet."""
+        with self._lock:
+            self._operator, self._met = None, False
+            self._closings += 1
+            closed, self._closed = self._closed, ExitStack()
+        closed.close()
+
+
+def _listed(operator: Operator) -> Json:
+    members = sorted(operator.members().values(), key=lambda each: each.address)
+    return {"fleet": operator.fleet.fleet, "robots": [_robot(each) for each in members], "missing": operator.missing()}
+
+
+def _robot(member: Member) -> Json:
+    told = {} if member.state is None else asdict(member.state)
+    return {"name": member.address.name, "number": member.address.number, "connection": member.connection, **told} | (
+        {"number": member.address.number}
+    )
+
+
+def _stopped(answers: Mapping[Address, Answer], silent: list[str]) -> Json:
+    return {**_answers(answers), "silent": silent}
+
+
+def _answers(answers: Mapping[Address, Answer]) -> Json:
+    return {"answers": {str(address): {"ok": answer.ok, "why": answer.why} for address, answer in answers.items()}}
+
+
+PAGE = Path(__file__).with_name("page")
+"""The folder of the page: what is in it is served, and nothing else."""
+
+
+MOST_PRESSES = 256
+"""Presses of STOP that are remembered: each is written into the log once, by however many ways it comes."""
+
+
+class Client(Protocol):
+    """Who is connected, and what the others see of that."""
+
+    name: str
+
+    def tell(self, runs: Runs) -> None:
+        """Send what runs there are, as soon as that is possible; returns at once. Only the newest counts."""
+        ...
+
+    def shut_out(self) -> None:
+        """Hear nothing of this client any more, and let go of what it drives; returns at once."""
+        ...
+
+
+@cache
+def edition() -> str:
+    """Return what tells this page from those of other releases."""
+    digest = hashlib.sha256()
+    for path in sorted(PAGE.glob("*")):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+class Studio:
+    """One studio. Its ``hub`` knows the runs, ``audit`` who did what, ``access`` who may; the ``reader`` reads.
+
+    ``fleet`` is at the fleet of this computer.
+    """
+
+    def __init__(self, audit: Audit, launcher: Launcher, reader: Reader, access: Access) -> None:
+        self.audit, self._reader, self.access = audit, reader, access
+        self.hub = Hub(self._tell_runs)
+        self._launcher = launcher
+        self.fleet = FleetDesk()
+        self._clients: set[Client] = set()
+        self._shown: WeakKeyDictionary[Client, deque[bytes]] = WeakKeyDictionary()  # pictures of somebody
+        self._names = 0
+        self._presses: deque[str] = deque(maxlen=MOST_PRESSES)
+        # A page that was loaded from an older studio has to stop robots, too.
+        self.versions = {edition(), *map(str, range(OLDEST_VERSION, VERSION + 1))}
+
+    def name(self, role: Role) -> str:
+        """Return what a new client is called."""
+        self._names += 1
+        return f"{role} {self._names}"
+
+    def welcome(self, role: Role, name: str) -> Welcome:
+        """Return what a client hears first."""
+        return Welcome(version=VERSION, page=edition(), role=role, name=name, release=version("missiontree"))
+
+    @contextmanager
+    def joined(self, client: Client) -> Iterator[None]:
+        """Tell a client of the runs while this is entered."""
+        self._clients.add(client)
+        try:
+            yield
+        finally:
+            self._clients.discard(client)
+
+    @property
+    def count(self) -> int:
+        """How many clients are connected."""
+        return len(self._clients)
+
+    async def stop(self, run: str, by: str, press: str = "") -> Mapping[str, object]:
+        """Stop a run, or all for no name: those too that are being started. Raises BadMessage for one not there."""
+        if not run:
+            self._launcher.stop()
+        return await self.hub.stop(run, by, press)
+
+    def tell(self, by: Client, role: Role, command: Command, outcome: str) -> None:
+        """Write into the log who has commanded what, and what came of it."""
+        if command.word in UNTOLD or (isinstance(command, Stop) and command.press in self._presses):
+            return
+        if isinstance(command, Stop) and command.press:
+            self._presses.append(command.press)
+        told = written(command, KEY).items()
+        about = {name: value for name, value in told if name not in ("id", "by", "press") and value != ""}
+        self.audit.tell(by.name, role, about, outcome)
+
+    async def do(self, command: Command, by: Client) -> Mapping[str, object]:
+        """Do a command that no run answers. Raises BadMessage with the name of what went wrong."""
+        if isinstance(command, Revoke):
+            return self._revoke(by)
+        if isinstance(command, Start):
+            stops = self._launcher.stops
+            await self._reader.check(command)
+            begun = await self._launcher.start(command, stops)
+            await self.hub.look()
+            return begun
+        if isinstance(command, ShowPerson):
+            self._shown.setdefault(by, deque(maxlen=COUNT)).append(picture_in(command))
+            return {}
+        if isinstance(command, AddPerson):
+            shown = self._shown.pop(by, ())
+            if not command.run:
+                return await add_person(command, [*shown])
+            about = self.hub.known(command.run)
+            return await add_person(command, (), self.hub.watching(command.run), str(about["robot"]))
+        if isinstance(command, KeepTuning):
+            return await self._reader.keep(await self.hub.ask(command.run, {KEY: Tuned.word}))
+        if isinstance(command, Fleet | StopFleet | ReleaseFleet):
+            return await self.fleet.do(command, f"{by.name} of a studio")
+        if isinstance(command, ApproveTask):
+            command = replace(command, by=by.name)
+        return await self._reader.do(command)
+
+    def _revoke(self, by: Client) -> Mapping[str, object]:
+        """Make both tokens anew, and shut all out but who asks. Raises BadMessage where the kept ones stay."""
+        try:
+            self.access.renew()
+        except OSError as error:
+            why = f"the former tokens are still kept for the next time: {error}"
+            raise BadMessage("bad_file", why, "delete their file before the studio is started again") from error
+        finally:
+            for client in self._clients - {by}:
+                client.shut_out()
+        return {"operator": self.access.operator, "viewer": self.access.viewer}
+
+    async def report(self, name: str) -> str:
+        """Return the report of a record, as a page. Raises BadMessage for one that cannot be read."""
+        return await self._reader.report(name)
+
+    async def last_words(self, run: str) -> str:
+        """Return the last that a run said which was started here and has ended; nothing of another one."""
+        return await self._launcher.last_words(run)
+
+    def _tell_runs(self) -> None:
+        told = Runs(runs=self.hub.runs())
+        for client in self._clients:
+            client.tell(told)

@@ -1,0 +1,159 @@
+"""A notice of a task: what somebody who is not there wants to know, and what it is known by."""
+
+import json
+import sqlite3
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from typing import Literal
+
+from missions.plugins.tasks.task import Attempt, How, NewTask, Policy, State, Task, TaskError
+
+# Why a notice was not taken, and what a channel reads of secrets.
+
+
+class NotTaken(RuntimeError):
+    """A channel did not take a notice; the message says which, and why."""
+
+
+def secret(name: str, environment: Mapping[str, str]) -> str:
+    """Return what the environment variable ``name`` holds. Raises NotTaken where it is not set."""
+    if name not in environment:
+        raise NotTaken(f"the environment variable {name}, which the robot file names, is not set for `mission serve`")
+    return environment[name]
+
+
+Kind = Literal["done", "failed", "cancelled", "given_up", "missed", "interrupted", "retried", "said"]
+"""What became of the task: ``interrupted`` and ``retried`` are tried again; ``said`` is a word of the mission's own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """One notice. ``id`` is the same each time that it is sent, so that who gets it twice can tell.
+
+    ``task`` is a number, ``mission`` a name or the path of a file, ``time`` when it was (ISO 8601, UTC).
+    """
+
+    id: str
+    task: int
+    mission: str
+    kind: Kind
+    text: str
+    time: str
+
+    def as_json(self) -> str:
+        """Return it as it is sent to programs."""
+        return json.dumps(asdict(self), ensure_ascii=False)
+
+
+Channel = Callable[[Notice], None]
+"""Delivers a notice, or raises an exception that says why it could not; then it is tried again."""
+
+
+def notice_of(text: str) -> Notice:
+    """Return the notice that ``as_json`` wrote."""
+    return Notice(**json.loads(text))
+
+
+def ended(task: Task, how: How, state: State, reason: str, now: float) -> Notice:
+    """Tell that an attempt at ``task`` has ended and in which ``state`` it is now."""
+    because, name = f": {reason}" if reason else "", f"{task.name} (task {task.id})"
+    match state:
+        case "waiting" if how == "interrupted":
+            return _notice(task, "interrupted", f"{name} was interrupted{because}; it is tried again", now)
+        case "waiting":
+            return _notice(task, "retried", f"{name} failed{because}; it is tried again", now)
+        case "given_up":
+            return _notice(task, "given_up", f"{name} was interrupted, and is given up{because}", now)
+        case "done":
+            return _notice(task, "done", f"{name} is done", now)
+        case "cancelled":
+            return _notice(task, "cancelled", f"{name} was cancelled", now)
+        case _:
+            return _notice(task, "failed", f"{name} failed{because}", now)
+
+
+def missed(task: Task, reason: str, now: float) -> Notice:
+    """Tell that a task was not begun in time."""
+    return _notice(task, "missed", f"{task.name} (task {task.id}) was missed: {reason}", now)
+
+
+def said(task: Task, number: int, text: str, now: float) -> Notice:
+    """Tell what a mission itself wants to be told, as the ``number``-th thing of this attempt."""
+    return _notice(task, "said", text, now, f"-{number}")
+
+
+def _notice(task: Task, kind: Kind, text: str, now: float, more: str = "") -> Notice:
+    # Numbers begin anew with a new queue; when a task was added tells the two apart.
+    key = f"{task.id}-{task.added:.0f}-{task.attempts}-{kind}{more}"
+    return Notice(key, task.id, task.mission, kind, text, datetime.fromtimestamp(now, UTC).isoformat())
+
+
+# Notices on the terminal of the server.
+
+
+class Terminal:
+    """Prints a line for each notice."""
+
+    def __init__(self, print_line: Callable[[str], None]) -> None:
+        self._print = print_line
+
+    def __call__(self, notice: Notice) -> None:
+        """Print it. Raises OSError where the terminal has gone."""
+        self._print(f"{notice.time[:19]}  {notice.text}" + ("" if notice.kind != "said" else f"  (task {notice.task})"))
+
+
+# Tasks as the rows of the database that they are kept in.
+
+
+def check_texts(new: NewTask) -> None:
+    """Raise TaskError for texts that cannot be kept."""
+    for text in (new.mission, new.robot, *new.options, *new.params, *new.params.values()):
+        try:
+            text.encode()
+        except UnicodeEncodeError as error:
+            shown = text.encode(errors="backslashreplace").decode()
+            raise TaskError(
+                f"'{shown}' cannot be kept: it is not UTF-8", hint="mv gives a file another name"
+            ) from error
+
+
+def task_of(row: sqlite3.Row) -> Task:
+    """Return the task that a row is. Raises sqlite3.DatabaseError for one that was not written by us."""
+    values = dict(row)
+    policy = Policy(values.pop("interrupted"), values.pop("most"), values.pop("retries"))
+    with as_written("task", row):
+        values["params"] = dict(json.loads(values["params"]))
+        for name in ("options", "channels"):
+            values[name] = tuple(json.loads(values[name]))
+        for name in ("added", "due", "not_before"):
+            values[name] = float(values[name])
+    for name in ("cancelling", "needs_approval"):
+        values[name] = bool(values[name])
+    return Task(policy=policy, **values)
+
+
+def attempt_of(row: sqlite3.Row) -> Attempt:
+    """Return the attempt that a row is. Raises sqlite3.DatabaseError for one that was not written by us."""
+    values = dict(row)
+    with as_written("attempt", row):
+        values["began"] = float(values["began"])
+        values["ended"] = None if values["ended"] is None else float(values["ended"])
+    return Attempt(**values)
+
+
+@contextmanager
+def as_written(what: str, row: sqlite3.Row) -> Iterator[None]:
+    """Raise sqlite3.DatabaseError where a row, which is a ``what``, cannot be read as it was written."""
+    try:
+        if any(isinstance(value, bytes) for value in row):
+            raise TypeError("bytes, where a text or a number was")
+        yield
+    except (LookupError, ValueError, TypeError, RecursionError) as error:
+        raise sqlite3.DatabaseError(f"{what} {row['id']} is not as it was written: {error}") from error
+
+
+def as_new(task: Task) -> NewTask:
+    """Return what a task was as it was added."""
+    return NewTask(**{name: getattr(task, name) for name in NewTask.__dataclass_fields__})

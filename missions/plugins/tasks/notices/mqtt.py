@@ -1,0 +1,101 @@
+"""Notices to a topic of an MQTT broker, with paho-mqtt, which is an extra: `pip install 'missiontree[mqtt]'`."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from config.notices import MqttNotice
+from drivers.clock import Clock, SystemClock
+from missions.plugins.tasks.notice import Notice, NotTaken, secret
+
+if TYPE_CHECKING:
+    from paho.mqtt.client import Client
+    from paho.mqtt.reasoncodes import ReasonCode
+
+TIMEOUT = 10.0
+"""Seconds for connecting, and then for the broker's word that it has the notice."""
+
+SLICE = 0.1
+"""Seconds for which the network is waited for at a time."""
+
+
+class Mqtt:
+    """Connects, publishes one notice with QoS 1, and waits until the broker has acknowledged it.
+
+    QoS 1 is at least once, as all that is sent here; the JSON has the notice's ``id``.
+    """
+
+    def __init__(
+        self,
+        config: MqttNotice,
+        environment: Mapping[str, str],
+        timeout: float = TIMEOUT,
+        clock: Clock | None = None,
+    ) -> None:
+        self._config, self._environment, self._timeout = config, environment, timeout
+        self._clock = SystemClock() if clock is None else clock
+
+    def __call__(self, notice: Notice) -> None:
+        """Publish it once. Raises NotTaken where the broker is away, refuses, or does not acknowledge in time."""
+        client, delivery = self._client(), _Delivery()
+        client.on_connect, client.on_disconnect = delivery.connected, delivery.gone
+        client.on_publish = delivery.acknowledged
+        where = f"mqtt {self._config.host}:{self._config.port}"
+        try:
+            client.connect(self._config.host, self._config.port)
+            client.publish(self._config.topic, notice.as_json().encode(), qos=1)
+            problem = self._wait(client, delivery)
+        except (OSError, ValueError) as error:
+            problem = str(error) or type(error).__name__
+        finally:
+            client.disconnect()
+        if problem:
+            raise NotTaken(f"{where}: {problem}")
+
+    def _client(self) -> "Client":
+        try:
+            from paho.mqtt.client import Client  # noqa: PLC0415 - an extra
+            from paho.mqtt.enums import CallbackAPIVersion  # noqa: PLC0415
+        except ImportError as error:
+            raise NotTaken("MQTT needs paho-mqtt: pip install 'missiontree[mqtt]'") from error
+        client, config = Client(CallbackAPIVersion.VERSION2), self._config
+        client.connect_timeout = self._timeout
+        if config.tls:
+            client.tls_set()
+        if config.user:
+            client.username_pw_set(config.user, secret(config.password, self._environment) if config.password else None)
+        return client
+
+    def _wait(self, client: "Client", delivery: "_Delivery") -> str:
+        """Do the network's work until the notice is acknowledged; return what went wrong instead."""
+        until = self._clock.now() + self._timeout
+        while not (delivery.taken or delivery.problem):
+            code = client.loop(SLICE)
+            if code:  # most of the time, a callback has said more of it
+                delivery.wrong(f"the connection broke: {code.name}")
+            elif self._clock.now() > until:
+                delivery.wrong(f"the broker did not acknowledge within {self._timeout:g} s")
+        return "" if delivery.taken else delivery.problem
+
+
+class _Delivery:
+    """What paho tells of one notice: whether it was ``taken``, and the first ``problem``."""
+
+    def __init__(self) -> None:
+        self.taken = False
+        self.problem = ""
+
+    def wrong(self, problem: str) -> None:
+        self.problem = self.problem or problem
+
+    def connected(self, _client: object, _data: object, _flags: object, reason: "ReasonCode", _more: object) -> None:
+        if reason.is_failure:
+            self.wrong(f"the broker refuses: {reason}")
+
+    def gone(self, _client: object, _data: object, _flags: object, reason: "ReasonCode", _more: object) -> None:
+        self.wrong(f"the broker hung up: {reason}")
+
+    def acknowledged(self, _client: object, _data: object, _id: int, reason: "ReasonCode", _more: object) -> None:
+        if reason.is_failure:
+            self.wrong(f"the broker refuses the notice: {reason}")
+        else:
+            self.taken = True

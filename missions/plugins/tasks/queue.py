@@ -1,0 +1,281 @@
+"""The queue of tasks: each change is one transaction, so that whatever ends the program, a task is never lost or split.
+
+The end of an attempt, what becomes of its task, the next of a repetition and the notices of all that are one
+transaction: they happen together, once, or not at all.
+"""
+
+import json
+import sqlite3
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from datetime import UTC, datetime, tzinfo
+
+from missions.plugins.tasks import notice
+from missions.plugins.tasks.disk import use_what_there_is
+from missions.plugins.tasks.notice import Notice, as_new, attempt_of, check_texts, task_of
+from missions.plugins.tasks.schema import ORDER
+from missions.plugins.tasks.task import Attempt, Claim, NewTask, Outcome, State, Task, TaskError, next_state, seen_as
+from missions.plugins.tasks.times import Every, drawn_in, next_time, read_every
+
+PAUSE = 30.0
+"""Seconds from the end of an attempt to the next: what was not there may be by then. Other tasks go on."""
+
+_READY = "(not_before <= ?1 OR not_before > ?1 + ?2)"
+"""Says of a task that its pause is over, or the clock was put back: ?1 is the time, ?2 the pause."""
+
+_MISSED = "(late IS NOT NULL AND attempts = 0 AND ?1 > max(due, added) + late)"
+"""Says of a task that it was missed, as ``_too_late`` does."""
+
+DOWN = "the machine or the server went down"
+"""Why an attempt was interrupted of which nobody told the end."""
+
+Channels = Callable[[Task], Sequence[str]]
+"""Says where the notices of a task go: the channels, as the outbox writes them."""
+
+
+class Queue:
+    """Tasks in a database of ``schema.open_db``; all times are seconds of the wall clock, handed in as ``now``.
+
+    ``zone`` is the one that daily repetitions are in. A method that raises has changed nothing.
+    """
+
+    def __init__(self, connection: sqlite3.Connection, channels: Channels, zone: tzinfo = UTC) -> None:
+        self._connection = connection
+        self._channels = channels
+        self._zone = zone
+
+    # --- what people ask of it ------------------------------------------------------------------------------------
+
+    def add(self, new: NewTask, now: float) -> int:
+        """Add a task; return its number. Raises TaskError for texts that cannot be kept."""
+        check_texts(new)
+        with self._transaction():
+            number = self._insert(new, None, now)
+            channels = json.dumps(list(self._channels(self.task(number))))
+            self._execute("UPDATE task SET channels = ? WHERE id = ?", channels, number)
+            if new.every:
+                self._execute("UPDATE task SET series = id WHERE id = ?", number)
+        return number
+
+    def cancel(self, number: int, now: float) -> State:
+        """Cancel a task, and the repetition that it belongs to; return its state now.
+
+        One that waits is cancelled at once. One that runs is stopped by the server that runs it; ``cancelling`` says
+        that it is to be. Raises TaskError for one that is not there, or has ended.
+        """
+        with self._transaction():
+            task = self.task(number)
+            if task.ended:
+                raise TaskError(f"task {number} has ended already: it is {task.state}", hint="mission task list")
+            if task.state == "running":
+                self._execute("UPDATE task SET cancelling = 1 WHERE id = ?", number)
+                return "running"
+            self._settle(task, "cancelled", "somebody cancelled it", now)
+            return "cancelled"
+
+    def move(self, number: int, priority: int) -> None:
+        """Give a task that waits another priority. Raises TaskError for one that is not there, or does not wait."""
+        with self._transaction():
+            task = self.task(number)
+            if task.state != "waiting":
+                raise TaskError(f"task {number} does not wait: it is {task.state}", hint="mission task list")
+            self._execute("UPDATE task SET priority = ? WHERE id = ?", priority, number)
+
+    def approve(self, number: int, now: float, by: str) -> None:
+        """Let a task begin that needs a person's approval; each of a repetition needs its own.
+
+        Raises TaskError for one that is not there, does not wait, or does not need it.
+        """
+        with self._transaction():
+            task = self.task(number)
+            if task.state != "waiting":
+                raise TaskError(f"task {number} does not wait: it is {task.state}", hint="mission task list")
+            if not task.unapproved:
+                raise TaskError(f"task {number} needs no approval", hint="mission task list")
+            self._execute("UPDATE task SET approved = ?, approved_by = ? WHERE id = ?", now, by, number)
+
+    def task(self, number: int) -> Task:
+        """Return a task. Raises TaskError for one that is not there."""
+        row = self._execute("SELECT * FROM task WHERE id = ?", number).fetchone()
+        if row is None:
+            raise TaskError(f"there is no task {number}", hint="mission task list --all")
+        return task_of(row)
+
+    def tasks(self, *, ended: bool = True) -> list[Task]:
+        """Return all tasks, in the order in which they are run; those that have ended only where that is asked for."""
+        which = "" if ended else " WHERE state IN ('waiting', 'running')"
+        return [task_of(row) for row in self._execute(f"SELECT * FROM task{which} ORDER BY {ORDER}")]  # noqa: S608 - ours
+
+    def expected(self, task: Task, now: float) -> float:
+        """Return when a task comes: a repetition that is too far ahead, since the clock was put back, comes nearer."""
+        if task.state == "waiting" and task.due > now and task.every and task.id != task.series:
+            with suppress(ValueError, OverflowError):  # what an earlier version has let in stays where it is
+                every = read_every(task.every, task.due, self._zone)
+                return min(task.due, self._free(task, every, drawn_in(every, task.due, now, self._zone), now))
+        return task.due
+
+    def attempts(self, number: int) -> list[Attempt]:
+        """Return the attempts at a task, in order."""
+        rows = self._execute("SELECT * FROM attempt WHERE task = ? ORDER BY number", number)
+        return [attempt_of(row) for row in rows]
+
+    # --- what the server asks of it -------------------------------------------------------------------------------
+
+    def claim(self, now: float) -> Claim | None:
+        """Begin an attempt at what is due and comes first; None where nothing is. What is too late is missed, and told.
+
+        Only while nothing runs, and by the one server that there is.
+        """
+        self._draw_in(now)
+        if self._due(now) is None:  # most of the time, and nothing is written then
+            return None
+        with self._transaction():
+            while (task := self._due(now)) is not None and _too_late(task, now):
+                reason = (
+                    f"it was due at {_clock(task.since, self._zone)}, and is not begun more than {task.late:g} s later"
+                )
+                self._settle(task, "given_up", reason, now)
+                self._post(task, notice.missed(task, reason, now), now)
+            if task is None:
+                return None
+            self._execute("UPDATE task SET state = 'running', attempts = attempts + 1 WHERE id = ?", task.id)
+            sql = "INSERT INTO attempt (task, number, began) VALUES (?, ?, ?)"
+            attempt = self._execute(sql, task.id, task.attempts + 1, now).lastrowid
+            return Claim(self.task(task.id), attempt or 0)
+
+    def pauses(self, now: float) -> bool:
+        """Say whether a task is due that only waits for its next attempt."""
+        sql = f"SELECT 1 FROM task WHERE state = 'waiting' AND due <= ?1 AND NOT {_READY} LIMIT 1"  # noqa: S608 - ours
+        return self._execute(sql, now, PAUSE).fetchone() is not None
+
+    def finish(self, claim: Claim, outcome: Outcome, now: float) -> Task:
+        """End an attempt and do all that follows from it; return the task as it is then.
+
+        Raises TaskError if that was done before.
+        """
+        with self._transaction():
+            return self._finish(claim.attempt, outcome, now, pause=0.0 if outcome.stopped else PAUSE)
+
+    def recover(self, now: float) -> list[Task]:
+        """End the attempts that nobody told the end of; return their tasks. Only while nothing runs."""
+        with self._transaction():
+            # Whether a fleet's task is still this robot's is to be asked anew: another may have it by now.
+            errands = "SELECT task FROM errand WHERE told = 0"
+            self._execute(f"UPDATE task SET approved = NULL WHERE state = 'waiting' AND id IN ({errands})")  # noqa: S608
+            rows = self._execute("SELECT id FROM attempt WHERE ended IS NULL ORDER BY id").fetchall()
+            return [self._finish(row["id"], Outcome("interrupted", DOWN), now, pause=0.0) for row in rows]
+
+    def cancelling(self, claim: Claim) -> bool:
+        """Say whether somebody wants the task stopped that is being run."""
+        return self.task(claim.task.id).cancelling
+
+    def say(self, claim: Claim, number: int, text: str, now: float) -> None:
+        """Post what the mission wants to be told, the ``number``-th thing of this attempt."""
+        with self._transaction():
+            self._post(claim.task, notice.said(claim.task, number, text, now), now)
+
+    # --- inside a transaction -------------------------------------------------------------------------------------
+
+    def _finish(self, attempt: int, outcome: Outcome, now: float, *, pause: float) -> Task:
+        row = self._execute("SELECT task FROM attempt WHERE id = ? AND ended IS NULL", attempt).fetchone()
+        if row is None:
+            raise TaskError(f"attempt {attempt} has ended already")
+        task = self.task(row["task"])
+        how = seen_as(task, outcome.how)
+        sql = "UPDATE attempt SET ended = ?, how = ?, reason = ? WHERE id = ?"
+        self._execute(sql, now, how, outcome.reason, attempt)
+        sql = "UPDATE task SET failures = failures + ?, interruptions = interruptions + ?, not_before = ? WHERE id = ?"
+        failed, interrupted = how in ("failure", "error"), how == "interrupted" and not outcome.stopped
+        self._execute(sql, failed, interrupted, now + pause, task.id)
+        state = next_state(task, how, stopped=outcome.stopped)
+        self._settle(task, state, outcome.reason, now)
+        self._post(task, notice.ended(task, how, state, outcome.reason, now), now)
+        return self.task(task.id)
+
+    def _settle(self, task: Task, state: State, reason: str, now: float) -> None:
+        """Give a task its new state; where that is for good, add the next of its repetition, unless it is cancelled."""
+        if task.every and state in ("done", "failed", "given_up") and not task.cancelling:
+            try:
+                every = read_every(task.every, task.since, self._zone)
+                due = self._free(task, every, next_time(every, task.since, now, self._zone), now)
+            except (ValueError, OverflowError) as error:  # what an earlier version has let in
+                reason = f"{reason}{'; ' if reason else ''}it is not repeated: {error}"
+            else:
+                self._insert(replace(as_new(task), due=due), task.series, now)
+        self._execute("UPDATE task SET state = ?, reason = ? WHERE id = ?", state, reason, task.id)
+
+    def _draw_in(self, now: float) -> None:
+        """Bring repetitions nearer that are too far ahead, since the clock was put back."""
+        sql = "SELECT * FROM task WHERE state = 'waiting' AND due > ? AND every <> '' AND id <> series"
+        for task in map(task_of, self._execute(sql, now).fetchall()):
+            if (due := self.expected(task, now)) < task.due:
+                self._execute("UPDATE task SET due = ? WHERE id = ? AND state = 'waiting'", due, task.id)
+
+    def _free(self, task: Task, every: Every, due: float, now: float) -> float:
+        """Return the first time from ``due`` on that this repetition has not had yet; the clock may be put back."""
+        sql = "SELECT 1 FROM task WHERE series = ? AND due = ? AND id <> ?"
+        while self._execute(sql, task.series, due, task.id).fetchone() is not None:
+            due = next_time(every, due, now, self._zone)
+        return due
+
+    def _insert(self, new: NewTask, series: int | None, now: float) -> int:
+        policy = new.policy
+        row = {
+            "mission": new.mission,
+            "params": json.dumps(dict(new.params)),
+            "robot": new.robot,
+            "options": json.dumps(new.options),
+            "added": now,
+            "due": new.due,
+            "priority": new.priority,
+            "needs_approval": new.needs_approval,
+            "late": new.late,
+            "every": new.every,
+            "interrupted": policy.interrupted,
+            "most": policy.most,
+            "retries": policy.retries,
+            "series": series,
+            "channels": json.dumps(new.channels),
+        }
+        names, marks = ", ".join(row), ", ".join("?" * len(row))
+        return self._execute(f"INSERT INTO task ({names}) VALUES ({marks})", *row.values()).lastrowid or 0  # noqa: S608
+
+    def _post(self, task: Task, told: Notice, now: float) -> None:
+        """Put a notice into the outbox, for each channel."""
+        sql = "INSERT INTO outbox (key, task, channel, body, added, next) VALUES (?, ?, ?, ?, ?, ?)"
+        for channel in dict.fromkeys(self._channels(task)):
+            self._execute(sql, told.id, task.id, channel, told.as_json(), now, now)
+
+    def _due(self, now: float) -> Task | None:
+        may = f"(NOT needs_approval OR approved IS NOT NULL OR {_MISSED})"  # what was missed is told, approved or not
+        sql = (
+            f"SELECT * FROM task WHERE state = 'waiting' AND due <= ?1 AND {_READY} AND {may} ORDER BY {ORDER} LIMIT 1"  # noqa: S608 - ours
+        )
+        row = self._execute(sql, now, PAUSE).fetchone()
+        return None if row is None else task_of(row)
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        self._execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            self._execute("COMMIT")
+        except BaseException as error:
+            if self._connection.in_transaction:
+                self._connection.rollback()
+            if isinstance(error, sqlite3.OperationalError):
+                use_what_there_is(self._connection)
+            raise
+
+    def _execute(self, sql: str, *values: object) -> sqlite3.Cursor:
+        return self._connection.execute(sql, values)
+
+
+def _too_late(task: Task, now: float) -> bool:
+    """Say whether a task was missed; one that was begun in time and interrupted is not."""
+    return task.late is not None and task.attempts == 0 and now > task.since + task.late
+
+
+def _clock(time: float, zone: tzinfo) -> str:
+    return f"{datetime.fromtimestamp(time, zone):%Y-%m-%d %H:%M}"

@@ -1,0 +1,287 @@
+"""``mission teleop``: drive a robot by hand, with the keys of a terminal or with a game pad."""
+
+import os
+import signal
+import sys
+import termios
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager, suppress
+from pathlib import Path
+from threading import Event
+
+import click
+
+from config.library import DEFAULT_WORLD, find
+from config.units import in_dimension
+from config.world import load_world
+from drivers.api import Base, Head, ignore
+from drivers.clock import Clock, SystemClock
+from drivers.errors import NotConnected
+from missions.assembly.assemble import assemble
+from missions.assembly.assembled import CONNECT_TIME
+from missions.assembly.together import Hooks, Overrides
+from missions.cli.keys import Keys, interruptible
+from missions.cli.leash import heeded
+from missions.cli.names import ROBOT, WORLD
+from missions.cli.origin import robot_file
+from missions.cli.outputs import check_writable
+from missions.cli.printable import show_over
+from missions.cli.root import SUCCESS
+from missions.control.holders import holding
+from missions.control.pilot import MAX_SHARE, MIN_SHARE, Pilot
+from missions.library.drivers import load_robot
+from missions.plugins.setup.head_bench import HEAD, head_option, keys_of_head
+from missions.plugins.teleop import FIRST_PAD, keymap, pad
+from missions.plugins.teleop.pad_store import keep_taught, load_taught, pads_file
+from missions.plugins.teleop.teaching import Teacher
+from missions.plugins.teleop.turns import LineDelay, drive_by_hand
+
+# The line between a person's keyboard and this program: whether it may be long, and how late it is.
+
+RELAYS: Mapping[str, str] = {"TMUX": "tmux", "STY": "screen", "ZELLIJ": "zellij"}
+"""Variables by which programs name themselves that answer for a terminal, wherever that is."""
+
+RELAY_PROGRAMS = ("tmux", "screen", "zellij", "mosh-server")
+REMOTE_PROGRAMS = ("sshd", "dropbear", "telnetd", "in.telnetd", "ttyd", "gotty")
+REMOTE_VARIABLES = ("SSH_CONNECTION", "SSH_TTY")
+
+LAST_ANSWERS = 0.6
+"""Seconds for which answers are waited for in the end: the shell would take those that come later for keys."""
+
+
+@contextmanager
+def line_to(
+    descriptor: int, clock: Clock, *, unknown_is_good: bool = False
+) -> Iterator[tuple[LineDelay, Callable[[Callable[[float], str]], None]]]:
+    """Give the delay of the terminal behind ``descriptor``, and a function that waits for its last answers.
+
+    ``unknown_is_good`` lets keys drive also where the delay cannot be known.
+    """
+    programs = [*ancestors(os.getpid())]
+    relay = _relay(programs)
+    remote = bool(relay) or any(map(os.environ.get, REMOTE_VARIABLES)) or _any(programs, REMOTE_PROGRAMS)
+    terminal = os.open(os.ttyname(descriptor), os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
+
+    def write(text: str) -> None:
+        with suppress(OSError):  # a line that takes nothing does not answer: that is what is measured
+            os.write(terminal, text.encode("ascii"))
+
+    def size() -> tuple[int, int]:
+        with suppress(OSError):
+            columns, rows = os.get_terminal_size(descriptor)
+            if columns > 0 and rows > 0:
+                return columns, rows
+        return 80, 24
+
+    line = LineDelay(write, clock, size, remote=remote, relay=relay, unknown_is_good=unknown_is_good)
+
+    def settle(typed: Callable[[float], str]) -> None:
+        until = clock.now() + LAST_ANSWERS
+        while line.waiting and clock.now() < until:
+            if typed(0.05) == "end":
+                Event().wait(0.05)  # the terminal has gone, or Ctrl-D was pressed
+        with suppress(termios.error):
+            termios.tcflush(descriptor, termios.TCIFLUSH)
+
+    try:
+        yield line, settle
+    finally:
+        os.close(terminal)
+
+
+def ancestors(process: int, folder: Path = Path("/proc")) -> Iterator[str]:
+    """Yield the names of the programs that have started a process, the nearest first; none where there is no /proc."""
+    while process > 1:
+        try:
+            text = (folder / str(process) / "stat").read_text(encoding="utf-8", errors="replace")
+            name, _, rest = text.partition("(")[2].rpartition(")")
+            process = int(rest.split()[1])
+        except (OSError, ValueError, IndexError):
+            return
+        yield name
+
+
+def _relay(programs: list[str]) -> str:
+    """Return the name of a program that answers for the terminal; empty where there is none."""
+    found = next((name for variable, name in RELAYS.items() if os.environ.get(variable)), "")
+    return found or next((each for each in RELAY_PROGRAMS if _any(programs, (each,))), "")
+
+
+def _any(programs: list[str], names: tuple[str, ...]) -> bool:
+    return any(program.lower().startswith(names) for program in programs)
+
+
+SHOWN = 0.1
+"""Seconds between two changes of that line: a slow line has to keep up with it."""
+
+
+def _share(ctx: click.Context, option: click.Parameter, value: str) -> float:
+    """Read a share, such as 30 %."""
+    try:
+        share = in_dimension(value, "share")
+    except ValueError as error:
+        raise click.BadParameter(str(error), ctx=ctx, param=option) from error
+    if not MIN_SHARE <= share <= MAX_SHARE:
+        raise click.BadParameter(f"'{value}' is not within {MIN_SHARE:.0%} and {MAX_SHARE:.0%}", ctx=ctx, param=option)
+    return share
+
+
+@click.command(epilog="Example: mission teleop --robot turtlebot2 --speed 30%")
+@click.option("--robot", type=ROBOT, help="The robot to drive (a name or a file); it moves. Else simulated.")
+@click.option("--simulate", is_flag=True, help="Drive a virtual robot, even with --robot.")
+@click.option("--world", type=WORLD, help="What a simulated robot stands in (a name or a file).")
+@click.option("--port", metavar="PATH", help="Where the base is plugged in, instead of what the file says.")
+@head_option
+@click.option(
+    "--speed",
+    "pace",
+    default="50%",
+    show_default=True,
+    metavar="SHARE",
+    callback=_share,
+    help="The share of the robot's limits to begin with.",
+)
+@click.option(
+    "--pad",
+    "node",
+    is_flag=False,
+    flag_value=FIRST_PAD,
+    metavar="[DEVICE]",
+    help="Drive with a game pad: the first that is there, or the one at /dev/input/event...",
+)
+@click.option(
+    "--teach-pad",
+    "taught",
+    is_flag=False,
+    flag_value=FIRST_PAD,
+    metavar="[DEVICE]",
+    help="Show which buttons of a game pad stop and drive, once for its model; no robot is opened.",
+)
+@click.option(
+    "--unknown-delay",
+    is_flag=True,
+    help="Drive also where the delay of the line cannot be measured, as in tmux over SSH.",
+)
+def command(
+    robot: str | None,
+    simulate: bool,
+    world: str | None,
+    port: str | None,
+    head: str,
+    pace: float,
+    node: str | None,
+    taught: str | None,
+    unknown_delay: bool,
+) -> int:
+    """Drive a robot by hand: hold a key to drive, let go to stop. Works over SSH.
+
+    Over a line with a round trip of more than 0.5 s keys do not drive.
+    Simulated unless a robot is named, as with `mission run`. The limits and the reflexes of the robot file hold.
+    Whatever ends it, a line that breaks too, the robot is left at rest.
+    """
+    if taught is not None:
+        return _teach(taught, SystemClock())
+    virtual = simulate or robot is None
+    if virtual and port is not None:
+        raise click.UsageError("--port names a real port, which is used only with --robot NAME and without --simulate")
+    if not virtual and world is not None:
+        raise click.UsageError("--world is for a simulated robot: add --simulate, or leave it out")
+    if node is None and not sys.stdin.isatty():
+        raise click.UsageError("the keys need a terminal; or drive with a game pad: --pad")
+    wishes = Overrides(
+        world=load_world(find("worlds", world or DEFAULT_WORLD)) if virtual else None,
+        ports={} if port is None else {"base": port},
+    )
+    clock = wishes.clock()
+    with ExitStack() as open_things:
+        open_things.enter_context(interruptible())
+        open_things.enter_context(heeded((sys.stdout,), lambda _: os.kill(os.getpid(), signal.SIGTERM)))
+        held = None
+        if node is not None:
+            held = open_things.enter_context(closing(pad.pad_at(node, clock)))
+            held.open()
+        base, turned = open_things.enter_context(_opened(robot, head, wishes, clock))
+        click.echo(keymap.HELP if held is None else pad.HELP)
+        typed: Callable[[float], str] = _pause
+        line = None
+        if sys.stdin.isatty():
+            if sys.stdout.isatty():
+                open_things.callback(click.echo)  # below the line to be seen
+            terminal = sys.stdin.fileno()
+            line, settle = open_things.enter_context(line_to(terminal, clock, unknown_is_good=unknown_delay))
+            typed = open_things.enter_context(Keys(terminal, line.answer)).read
+            open_things.callback(settle, typed)
+        drive_by_hand(Pilot(base, turned, pace=pace), typed, held, clock, _shower(clock), line)
+    return SUCCESS
+
+
+def _teach(node: str, clock: Clock) -> int:
+    """Have a person teach the pad at a node, and keep that. Raises NotConnected and TeachingError."""
+    if node == FIRST_PAD:
+        found = pad.find_pads()
+        if len(found) > 1:
+            cure = f"mission teleop --teach-pad {found[0]}  (or {', '.join(found[1:])})"
+            raise click.UsageError(f"--teach-pad: several game pads are plugged in\n  try: {cure}")
+        node = pad.find_pad()
+    load_taught()  # before a person presses anything: with a damaged file, nothing of it could be kept
+    pads_file().parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    check_writable(pads_file(), "--teach-pad")
+    with ExitStack() as open_things:
+        open_things.enter_context(interruptible())
+        raw = open_things.enter_context(closing(pad.Pad(node, clock)))
+        model = raw.identify()
+        if model is None:
+            raise NotConnected(f"pad: {node}: the kernel does not tell which pad it is", hint="ls -l /dev/input/by-id")
+        click.echo(f"{model.key}; nothing moves. Let go of all, then do what is asked. Ctrl-C ends, and keeps nothing.")
+        spans, values = raw.axes(model)
+        layout = Teacher(raw, spans, values, clock, click.echo, _pause).teach()
+        path = keep_taught(model.key, layout)
+        click.echo(f"kept in {path}: all pads of this model and name drive so: mission teleop --pad {node}")
+    return SUCCESS
+
+
+@contextmanager
+def _opened(name: str | None, head: str, wishes: Overrides, clock: Clock) -> Iterator[tuple[Base, Head | None]]:
+    """Open the base of a robot, and its ``head``, if it has one, and wait for the base; in the end close them.
+
+    Raises NotConnected, with what is missing, after ``CONNECT_TIME``.
+    """
+    config = load_robot(robot_file(name))
+    if config.base is None:
+        raise click.UsageError(f"{config.name} has no base")
+    if head != HEAD:
+        keys_of_head(config, head)
+    audience = Hooks(ignore, ignore, click.echo, ignore, ignore)
+    robot = assemble(config, frozenset({"base", head}), clock, wishes, audience)
+    base = robot.robot.base
+    with holding(config.name, simulated=wishes.world is not None):
+        try:
+            robot.open()
+            begun = clock.now()
+            while not (health := base.health()).online:
+                if clock.now() - begun > CONNECT_TIME:
+                    raise NotConnected(health.detail, hint=health.hint)
+                _pause(0.02)
+            yield base, robot.robot.of({HEAD: head}).head_part
+        finally:
+            for problem in robot.close():
+                click.echo(problem, err=True)
+
+
+def _pause(seconds: float) -> str:
+    """Wait; nothing is typed meanwhile where there is no terminal."""
+    Event().wait(seconds)
+    return ""
+
+
+def _shower(clock: Clock) -> Callable[[str], None]:
+    """Return what shows a line in the place of the one before, when it is another, and not too often."""
+    shown, at = "", -SHOWN
+
+    def show(line: str) -> None:
+        nonlocal shown, at
+        if line != shown and clock.now() - at >= SHOWN and sys.stdout.isatty():
+            shown, at = line, clock.now()
+            show_over(line)
+
+    return show

@@ -1,0 +1,310 @@
+"""Which button and which stick of a game pad does what: as its kernel driver names them, known, or taught.
+
+Only a driver that knows a pad names its buttons by their places. Others, such as pads in D mode, number them, and each
+maker numbers in another order: an unknown pad is refused until a person has taught it.
+"""
+
+from collections.abc import Iterator, Mapping
+from struct import Struct
+from types import MappingProxyType
+
+from drivers.api.quick import dataclass
+from drivers.errors import NotConnected
+from missions.control.pilot import ENABLE, LATCH
+
+# The events of a game pad as Linux tells them (linux/input.h, input-event-codes.h, and its gamepad document). Pure.
+
+_EVENT = Struct("@llHHi")  # struct input_event: a time in two longs, type, code, value; native, as it is never stored
+_ABSINFO = Struct("@6i")  # struct input_absinfo: value, minimum, maximum, fuzz, flat, resolution
+_ID = Struct("@4H")  # struct input_id: bus, vendor, product, version
+ABSINFO_SIZE = _ABSINFO.size
+
+SYN, KEY, ABS = 0, 1, 3
+SYN_DROPPED = 3
+"""The code of the event of kind ``SYN`` that says: you read too slowly, and events were lost."""
+
+SOUTH, EAST, C, Z, SHOULDER_LEFT, START = 0x130, 0x131, 0x132, 0x135, 0x136, 0x13B
+TRIGGER = 0x120
+"""The first button of a joystick, and of a pad in its D mode, which numbers its buttons from here on."""
+
+BUTTONS = range(0x100, 0x300)
+"""Where buttons of any kind are."""
+
+STICK_X, STICK_Y, HAT_X, HAT_Y = 0x00, 0x01, 0x10, 0x11
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One change: of a button (``KEY``: 1 down, 0 up) or of an axis (``ABS``: in the pad's own steps)."""
+
+    kind: int
+    code: int
+    value: int
+
+    def pack(self) -> bytes:
+        """Return its bytes, at the time zero."""
+        return _EVENT.pack(0, 0, self.kind, self.code, self.value)
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """What an axis measures at its ends, and where it ``rests`` if that is not the middle."""
+
+    least: int
+    most: int
+    rest: float | None = None
+
+    def share(self, value: int, dead: float = 0.0) -> float:
+        """Return where ``value`` is between the ends, as -1..1; the ``dead`` share around its rest counts as 0.
+
+        Beyond it the square, so that small movements of the stick are fine ones.
+        """
+        middle = (self.least + self.most) / 2 if self.rest is None else self.rest
+        half = self.most - middle if value > middle else middle - self.least
+        if half <= 0:
+            return 0.0
+        out = min(abs(value - middle) / half, 1.0)
+        if out <= dead:
+            return 0.0
+        square = ((out - dead) / (1 - dead)) ** 2
+        return square if value > middle else -square
+
+
+def span_request(axis: int) -> int:
+    """Return the ioctl number EVIOCGABS, which asks the driver for the ``struct input_absinfo`` of an axis."""
+    return 2 << 30 | ABSINFO_SIZE << 16 | ord("E") << 8 | 0x40 + axis
+
+
+def bits_request(kind: int, size: int) -> int:
+    """Return the ioctl number EVIOCGBIT, which asks which codes of a kind of event there are, in ``size`` bytes."""
+    return 2 << 30 | size << 16 | ord("E") << 8 | 0x20 + kind
+
+
+def name_request(size: int) -> int:
+    """Return the ioctl number EVIOCGNAME."""
+    return 2 << 30 | size << 16 | ord("E") << 8 | 0x06
+
+
+ID_REQUEST = 2 << 30 | 8 << 16 | ord("E") << 8 | 0x02
+"""The ioctl number EVIOCGID."""
+
+
+def ids_of(data: bytes) -> tuple[int, int]:
+    """Read vendor and product from a ``struct input_id``."""
+    _, vendor, product, _ = _ID.unpack(data)
+    return vendor, product
+
+
+def codes_of(bits: bytes) -> frozenset[int]:
+    """Read which codes there are from the bitmap of ``bits_request``."""
+    return frozenset(8 * place + bit for place, byte in enumerate(bits) for bit in range(8) if byte >> bit & 1)
+
+
+def span_of(absinfo: bytes) -> Span:
+    """Read the ends of an axis from its ``struct input_absinfo``."""
+    _, least, most, *_ = _ABSINFO.unpack(absinfo)
+    return Span(least, most)
+
+
+def value_of(absinfo: bytes) -> int:
+    """Read where an axis is from its ``struct input_absinfo``."""
+    return int(_ABSINFO.unpack(absinfo)[0])
+
+
+def events_of(data: bytes) -> list[Event]:
+    """Read events; the kernel hands out whole ones only, and what is left over at the end is no event."""
+    whole = len(data) - len(data) % _EVENT.size
+    return [Event(*fields[2:]) for fields in _EVENT.iter_unpack(data[:whole])]
+
+
+def has_button(capabilities: str, button: int) -> bool:
+    """Say whether a device has a button, by the ``capabilities/key`` of its node in sysfs.
+
+    That is a bitmap in hexadecimal words of the machine's ``long``, the lowest last.
+    """
+    bits = 8 * Struct("@l").size
+    words = capabilities.split()[::-1]
+    word, bit = divmod(button, bits)
+    return word < len(words) and bool(int(words[word], 16) >> bit & 1)
+
+
+PRESSED, RELEASED = 0.6, 0.4
+"""Shares of its way from which on a trigger counts as pressed, and below which it is let go."""
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """A button; or a trigger or a direction of a hat: an axis with its values at ``rest`` and at the ``end``."""
+
+    code: int
+    rest: int | None = None
+    end: int = 0
+
+    @property
+    def kind(self) -> int:
+        """The kind of its events."""
+        return KEY if self.rest is None else ABS
+
+    def pressed(self, event: Event, *, before: bool) -> bool | None:
+        """Return whether it is pressed after an event, as it was ``before``; None for an event of something else."""
+        if (event.kind, event.code) != (self.kind, self.code):
+            return None
+        if self.rest is None:
+            return event.value > 0
+        share = (event.value - self.rest) / (self.end - self.rest)
+        return share >= (RELEASED if before else PRESSED)
+
+
+@dataclass(frozen=True, slots=True)
+class Stick:
+    """An axis of the stick that drives: ``sign`` is 1 if it counts up ahead or to the left; its ``rest``, if known."""
+
+    code: int
+    sign: int = -1
+    rest: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PadLayout:
+    """The controls of a pad: ``hold`` drives while it is held, each of ``stops`` latches, ``enable`` ends that."""
+
+    hold: Control
+    stops: tuple[Control, ...]
+    enable: Control
+    ahead: Stick = Stick(STICK_Y)
+    left: Stick = Stick(STICK_X)
+
+    def faults(self) -> Iterator[str]:
+        """Yield the contradictions in the layout."""
+        controls = [self.hold, self.enable, *self.stops]
+        if not self.stops:
+            yield "nothing stops the robot"
+        if any(each.rest is not None and each.rest == each.end for each in controls):
+            yield "a trigger that has no way"
+        if len({(each.kind, each.code, each.end) for each in controls}) < len(controls):
+            yield "one button does two things"
+        axes = {self.ahead.code, self.left.code}
+        if len(axes) < 2 or any(each.kind == ABS and each.code in axes for each in controls):
+            yield "one axis does two things"
+
+    def keys(self) -> Mapping[Control, str]:
+        """Return the controls that do what a key does."""
+        return {self.enable: ENABLE, **dict.fromkeys(self.stops, LATCH)}
+
+
+STANDARD = PadLayout(Control(SHOULDER_LEFT), (Control(EAST),), Control(START))
+"""That of linux/Documentation/input/gamepad.rst."""
+
+D_MODE = PadLayout(Control(0x124), (Control(0x121), Control(0x122)), Control(0x129))
+"""Left shoulder 5, Start 10; A and B are 2 and 3 or 3 and 2, as the maker likes it, so both stop."""
+
+UNIDENTIFIED = PadLayout(STANDARD.hold, (*STANDARD.stops, *D_MODE.stops), STANDARD.enable)
+"""For a node of which the kernel tells nothing: both kinds of stop."""
+
+D_MODELS: Mapping[tuple[int, int], str] = MappingProxyType(
+    {
+        (0x046D, 0xC216): "Logitech F310 and Dual Action",
+        (0x046D, 0xC218): "Logitech F510",
+        (0x046D, 0xC219): "Logitech F710",
+        (0x0079, 0x0006): "DragonRise",
+    }
+)
+"""Pads whose buttons are numbered as ``D_MODE`` says; by SDL's game controller database."""
+
+
+@dataclass(frozen=True, slots=True)
+class PadModel:
+    """Which pad it is, and which ``buttons`` and ``axes`` it has."""
+
+    vendor: int
+    product: int
+    name: str
+    buttons: frozenset[int] = frozenset()
+    axes: frozenset[int] = frozenset()
+
+    @property
+    def key(self) -> str:
+        """Its name among the pads that were taught: a wireless and a wired one of a make differ in it."""
+        return f"{self.vendor:04x}:{self.product:04x} {self.name}".strip()
+
+    def has(self, layout: PadLayout) -> bool:
+        """Return whether it has all controls of a layout."""
+        buttons = {each.code for each in (layout.hold, layout.enable, *layout.stops) if each.rest is None}
+        axes = {each.code for each in (layout.hold, layout.enable, *layout.stops) if each.rest is not None}
+        return buttons <= self.buttons and axes | {layout.ahead.code, layout.left.code} <= self.axes
+
+
+class UnknownPadError(NotConnected):
+    """A pad that is there, and whose buttons are not known."""
+
+
+def layout_for(path: str, model: PadModel | None, taught: Mapping[str, PadLayout]) -> PadLayout:
+    """Return the layout of a pad: the one that was taught, else of its model. Raises UnknownPadError."""
+    if model is None:
+        return UNIDENTIFIED
+    found = taught.get(model.key)
+    if found is not None and model.has(found):
+        return found
+    # A driver that numbers buttons calls the third and the sixth C and Z, which no pad of two rows has.
+    numbered = {C, Z} <= model.buttons
+    if found is None and (model.vendor, model.product) in D_MODELS and model.has(D_MODE):
+        return D_MODE
+    if found is None and not numbered and model.has(STANDARD):
+        return STANDARD
+    if found is not None:
+        why = "it lacks buttons or sticks that it was taught with"
+    elif numbered or TRIGGER in model.buttons:
+        why = "its buttons are only numbered (mode D), so which one stops is not known"
+    else:
+        why = "it has no left shoulder, east or Start button, or no left stick"
+    hint = f"mission teleop --teach-pad {path}  (once); or switch it to mode X, if it has such a switch"
+    raise UnknownPadError(f"pad: {path}: {model.key}: {why}", hint=hint)
+
+
+class PadState:
+    """The state of a pad of a layout: is ``hold`` pressed, and where is the stick. ``spans`` are those of its axes."""
+
+    def __init__(self, layout: PadLayout, spans: Mapping[int, Span], dead: float) -> None:
+        self.layout = layout
+        self._spans, self._dead = dict(spans), dead
+        self._keys = layout.keys()
+        self._pressed: set[Control] = set()
+        self._values: dict[int, int] = {}  # of the axes that have moved
+        self.held = False  # since it was pressed, without a gap in what is known
+
+    def forget(self) -> None:
+        """Let go: events were lost, so the state of buttons and stick is not known."""
+        self.held = False
+        self._values.clear()
+        self._pressed.clear()
+
+    def take(self, event: Event) -> str:
+        """Take an event; return the key that it stands for, empty for none."""
+        found = ""
+        if event.kind == ABS:
+            self._values[event.code] = event.value
+        held = self.layout.hold.pressed(event, before=self.layout.hold in self._pressed)
+        if held is not None:
+            if not held:
+                self.held = False
+            elif event.kind == KEY or self.layout.hold not in self._pressed:
+                self.held = True
+            self._note(self.layout.hold, pressed=held)
+        for control, key in self._keys.items():
+            before = control in self._pressed
+            now = control.pressed(event, before=before)
+            if now and not before:
+                found = key
+            if now is not None:
+                self._note(control, pressed=now)
+        return found
+
+    def share(self, stick: Stick) -> float:
+        """Return how far the stick is pushed ahead or to the left, -1..1."""
+        span, value = self._spans.get(stick.code), self._values.get(stick.code)
+        if span is None or value is None:
+            return 0.0
+        return stick.sign * Span(span.least, span.most, stick.rest).share(value, self._dead)
+
+    def _note(self, control: Control, *, pressed: bool) -> None:
+        (self._pressed.add if pressed else self._pressed.discard)(control)

@@ -1,0 +1,217 @@
+"""A game pad as the kernel shows it, read without any library: push while you hold its left shoulder button."""
+
+import fcntl
+import os
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from math import inf
+from pathlib import Path
+from stat import S_ISCHR
+from types import MappingProxyType
+
+from drivers.clock import Clock
+from drivers.errors import NotConnected
+from drivers.transport.ports import explain
+from missions.control.pilot import ENABLE, LATCH, Push
+from missions.plugins.teleop import FIRST_PAD
+from missions.plugins.teleop import layout as events
+from missions.plugins.teleop.layout import (
+    UNIDENTIFIED,
+    Event,
+    PadLayout,
+    PadModel,
+    PadState,
+    Span,
+    UnknownPadError,
+    layout_for,
+)
+from missions.plugins.teleop.pad_store import load_taught
+
+DEAD = 0.1
+"""The share of a stick's way around its middle that counts as its middle: none springs back exactly."""
+
+SILENCE = 3.0
+"""Seconds without a word of the pad after which its hold no longer counts: many receivers do not tell that they have
+lost the pad. A hand that drives moves a stick more often than that."""
+
+HATS: Mapping[tuple[int, int], str] = MappingProxyType(
+    {
+        (events.HAT_X, -1): "left",
+        (events.HAT_X, 1): "right",
+        (events.HAT_Y, -1): "up",
+        (events.HAT_Y, 1): "down",
+    }
+)
+"""The cross, likewise."""
+
+HELP = """\
+hold the left shoulder button and push the left stick; let go of the button to stop
+the cross turns the head; east (B, circle) stops until Start enables again; in mode D, A stops, too
+the keys of the terminal do the same: space, Enter, and Esc or Ctrl-C to end"""
+
+
+class Pad:
+    """The game pad at ``path``, a node /dev/input/event*, between ``open`` and ``close``. For one thread.
+
+    ``span`` tells what an axis measures, None for one that the pad lacks; ``model`` which pad it is, None where the
+    kernel does not tell; ``taught`` returns the layouts that were taught.
+    """
+
+    def __init__(
+        self,
+        path: str,
+        clock: Clock,
+        *,
+        span: Callable[[int, int], Span | None] | None = None,
+        model: Callable[[int], PadModel | None] | None = None,
+        taught: Callable[[], Mapping[str, PadLayout]] = load_taught,
+    ) -> None:
+        self.path = path
+        self._clock = clock
+        self._span, self._ask, self._taught = span or ask_span, model or ask_model, taught
+        self._descriptor = -1
+        self._state = PadState(UNIDENTIFIED, {}, DEAD)
+        self._heard_at = -inf
+
+    def open(self) -> None:
+        """Open the node. Raises NotConnected with what to try, also for a pad whose buttons are not known."""
+        model = self.identify()
+        try:
+            layout = layout_for(self.path, model, self._taught())
+        except NotConnected:
+            self.close()
+            raise
+        spans = {axis.code: self._span(self._descriptor, axis.code) for axis in (layout.ahead, layout.left)}
+        self._state = PadState(layout, {code: span for code, span in spans.items() if span is not None}, DEAD)
+
+    def identify(self) -> PadModel | None:
+        """Open the node alone, and return which pad it is. Raises NotConnected with what to try."""
+        try:
+            self._descriptor = os.open(self.path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        except OSError as error:
+            raise explain("pad", self.path, error) from error
+        model = self._ask(self._descriptor)
+        if model is None and S_ISCHR(os.fstat(self._descriptor).st_mode):  # js0 speaks another protocol
+            self.close()
+            raise UnknownPadError(
+                f"pad: {self.path}: no event node of a game pad, so its buttons are not known",
+                hint="ls -l /dev/input/by-id  (and name the one that ends in -event-joystick)",
+            )
+        return model
+
+    def axes(self, model: PadModel) -> tuple[dict[int, Span], dict[int, int]]:
+        """Return the spans of the axes of an identified pad, and their values now."""
+        told = {code: absinfo for code in model.axes if (absinfo := ask_axis(self._descriptor, code))}
+        return (
+            {code: events.span_of(absinfo) for code, absinfo in told.items()},
+            {code: events.value_of(absinfo) for code, absinfo in told.items()},
+        )
+
+    def close(self) -> None:
+        """Close the node. Safe more than once."""
+        descriptor, self._descriptor = self._descriptor, -1
+        self._state.held = False
+        if descriptor >= 0:
+            os.close(descriptor)
+
+    def keys(self) -> list[str]:
+        """Take what has come, without waiting; return the keys that it stands for. Raises NotConnected: it has gone."""
+        found: list[str] = []
+        while news := self.events():
+            self._heard_at = self._clock.now()
+            found += [key for event in news if (key := self._take(event))]
+        return found
+
+    def events(self) -> list[Event]:
+        """Return the events that have come, without waiting. Raises NotConnected: it has gone."""
+        try:
+            data = os.read(self._descriptor, 4096)
+        except BlockingIOError:
+            return []
+        except OSError as error:
+            raise self._gone() from error
+        if not data:
+            raise self._gone()
+        return events.events_of(data)
+
+    def press(self, key: str, now: float) -> None:
+        """Whoever stops or enables the base has to press the shoulder button anew before it drives."""
+        del now
+        if key in (LATCH, ENABLE):
+            self._state.held = False
+
+    def push(self, now: float) -> Push | None:
+        """Return which way the stick is pushed at ``now`` seconds; None unless the shoulder button is held."""
+        if now - self._heard_at > SILENCE:
+            self._state.held = False
+        if not self._state.held:
+            return None
+        layout = self._state.layout
+        return Push(ahead=self._state.share(layout.ahead), left=self._state.share(layout.left))
+
+    def _take(self, event: Event) -> str:
+        """Note an event; return the key that it stands for, empty for none."""
+        if (event.kind, event.code) == (events.SYN, events.SYN_DROPPED):
+            self._state.forget()
+            return ""
+        key = self._state.take(event)
+        drives = event.code in (self._state.layout.ahead.code, self._state.layout.left.code)
+        if key or drives or event.kind != events.ABS:
+            return key
+        return HATS.get((event.code, event.value), "")
+
+    def _gone(self) -> NotConnected:
+        self._state.held = False
+        return NotConnected(f"pad: {self.path}: it has gone", hint="plug it in, or switch it on, and start again")
+
+
+def ask_span(descriptor: int, axis: int) -> Span | None:
+    """Ask the kernel what an axis measures at its ends; None for one that is not there."""
+    absinfo = ask_axis(descriptor, axis)
+    return events.span_of(absinfo) if absinfo else None
+
+
+def ask_axis(descriptor: int, axis: int) -> bytes:
+    """Ask the kernel for the ``struct input_absinfo`` of an axis; nothing for one that is not there."""
+    with suppress(OSError):
+        return fcntl.ioctl(descriptor, events.span_request(axis), bytes(events.ABSINFO_SIZE))
+    return b""
+
+
+def pad_at(node: str, clock: Clock) -> Pad:
+    """Return the pad at a node; the first that is there for ``FIRST_PAD``. Raises NotConnected as ``find_pad``."""
+    return Pad(find_pad() if node == FIRST_PAD else node, clock)
+
+
+def ask_model(descriptor: int) -> PadModel | None:
+    """Ask the kernel which pad it is; None for a node of which it tells nothing."""
+    try:
+        vendor, product = events.ids_of(fcntl.ioctl(descriptor, events.ID_REQUEST, bytes(8)))
+        name = fcntl.ioctl(descriptor, events.name_request(256), bytes(256)).split(b"\0")[0].decode(errors="replace")
+        buttons, axes = (
+            events.codes_of(fcntl.ioctl(descriptor, events.bits_request(kind, size), bytes(size)))
+            for kind, size in ((events.KEY, 96), (events.ABS, 8))
+        )
+    except OSError:
+        return None
+    return PadModel(vendor, product, name, buttons, axes)
+
+
+def find_pads(nodes: Path = Path("/sys/class/input")) -> list[str]:
+    """Return the game pads that are plugged in: first those whose buttons have names, then those with numbers."""
+    found: tuple[list[str], list[str]] = [], []
+    for node in sorted(nodes.glob("event*"), key=lambda found: (len(found.name), found.name)):
+        with suppress(OSError, ValueError):
+            capabilities = (node / "device" / "capabilities" / "key").read_text(encoding="ascii")
+            for place, button in enumerate((events.SOUTH, events.TRIGGER)):
+                if events.has_button(capabilities, button):
+                    found[place].append(f"/dev/input/{node.name}")
+                    break
+    return [*found[0], *found[1]]
+
+
+def find_pad(nodes: Path = Path("/sys/class/input")) -> str:
+    """Return the first game pad that is plugged in. Raises NotConnected when there is none."""
+    if found := find_pads(nodes):
+        return found[0]
+    raise NotConnected("pad: no game pad is plugged in", hint="ls /dev/input  (and name it: --pad /dev/input/eventN)")

@@ -1,0 +1,1 @@
+"""The commands that try missions in simulated time."""

@@ -1,0 +1,126 @@
+"""``mission controller``: what a controller is made of, as words and as a picture, and how well controllers track."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+
+from behaviours.tracking.rules import RuleBases
+from behaviours.tracking.track_face import TrackFace
+from config.controller import ControllerConfig, load_controller
+from config.library import find, shipped
+from missions.cli.names import CONTROLLER
+from missions.cli.numbers import Whole
+from missions.cli.outputs import writing
+from missions.plugins.testing.controllers.bench import (
+    COMPARED,
+    CONTROLLERS,
+    STANDING,
+    bench,
+    lines_about,
+    stamp_summary,
+    summary,
+    table,
+)
+from missions.plugins.testing.controllers.scenario import DELAYS, STAMPS
+
+LAG = TrackFace.lag
+"""Seconds that a base is believed to take until that is learnt, as missions have it."""
+
+NO_PLOTS = "a picture needs Matplotlib: pip install 'missiontree[plots]'"
+
+picture_option = click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE.png",
+    help="Draw a picture too, into this file.",
+)
+
+
+@click.group(epilog="Example: mission controller list")
+def command() -> None:
+    """Show and compare the controllers by which behaviours track."""
+
+
+@command.command(name="list", epilog="Example: mission controller list")
+def list_() -> None:
+    """List the controllers that ship with MissionTree."""
+    for name, path in shipped("controllers").items():
+        click.echo(f"{name:<12} {load_controller(path).summary}")
+
+
+@command.command(epilog="Example: mission controller show face -o face.png")
+@click.argument("name", type=CONTROLLER, metavar="CONTROLLER")
+@picture_option
+def show(name: str, output: Path | None) -> None:
+    """Say what a controller (a name or a file) is made of; draw its terms and the surfaces that its rules make."""
+    config, _ = read(name)
+    for line in lines_about(config):
+        click.echo(line)
+    if output is not None:
+        try:
+            from missions.plugins.testing.controllers.plots import draw_controller  # noqa: PLC0415 - an extra, and slow to import
+        except ImportError as error:
+            raise click.UsageError(NO_PLOTS) from error
+        _drawn(output, lambda: draw_controller(output, config))
+
+
+@command.command(name="bench", epilog="Example: mission controller bench face pd --delays --seeds 1")
+@click.argument("names", type=CONTROLLER, metavar="[CONTROLLER]...", nargs=-1)
+@picture_option
+@click.option("--json", "as_json", is_flag=True, help="Print the figures as one JSON list: seconds and degrees.")
+@click.option("--seed", type=Whole(min=0), default=0, show_default=True, help="Of the noise and what is lost.")
+@click.option("--delays", is_flag=True, help="With delays that nobody tells the robot, and what cannot be foreseen.")
+@click.option("--stamps", is_flag=True, help="With time stamps that jitter, and a delay of the camera that changes.")
+@click.option("--seeds", type=Whole(min=1), default=3, show_default=True, help="How many, with --delays or --stamps.")
+def bench_(
+    names: tuple[str, ...], output: Path | None, as_json: bool, seed: int, delays: bool, stamps: bool, seeds: int
+) -> None:
+    """Let controllers (names or files; course, pd, mamdani and face by default) track a face, side by side.
+
+    In simulated time, with the speeds, the inertia and the whole degrees of the servos that a TurtleBot with a Rodney
+    head has: with the head alone, with the base alone that carries the camera, and with both. --delays and --stamps
+    take minutes.
+    """
+    chosen = names or (COMPARED if delays else COMPARED[1::2] if stamps else CONTROLLERS)
+    rules = {Path(name).stem if Path(name).suffix else name: read(name)[1] for name in chosen}
+    if delays or stamps:
+        if delays:
+            rules["standing"] = STANDING
+        scenarios, sum_up = (DELAYS, summary) if delays else (STAMPS, stamp_summary)
+        rows = [row for n in range(seeds) for row in bench(rules, scenarios=scenarios, seed=seed + n, lag=LAG)]
+        lines = json.dumps([row.as_dict() for row in rows], indent=2).splitlines() if as_json else sum_up(rows)
+        for line in lines:
+            click.echo(line)
+        return
+    rows = list(bench(rules, seed=seed))
+    if as_json:
+        click.echo(json.dumps([row.as_dict() for row in rows], indent=2))
+    else:
+        for line in table(rows):
+            click.echo(line)
+    if output is not None:
+        try:
+            from missions.plugins.testing.controllers.plots import draw_bench  # noqa: PLC0415 - an extra, and slow to import
+        except ImportError as error:
+            raise click.UsageError(NO_PLOTS) from error
+        _drawn(output, lambda: draw_bench(output, rows))
+
+
+def read(name: str) -> tuple[ControllerConfig, RuleBases]:
+    """Return a controller by name or path. Raises click.UsageError for rules that are wrong."""
+    config = load_controller(find("controllers", name))
+    try:
+        return config, RuleBases.from_mapping(config.values)
+    except ValueError as error:
+        raise click.UsageError(f"controller '{name}': {error}") from error
+
+
+def _drawn(output: Path, draw: Callable[[], None]) -> None:
+    if output.suffix != ".png":
+        raise click.UsageError(f"'{output}': the name of the picture must end in .png")
+    with writing(output, "-o"):
+        draw()
+    click.echo(f"drew {output}", err=True)

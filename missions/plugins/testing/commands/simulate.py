@@ -1,0 +1,200 @@
+"""``mission simulate``: a robot's virtual devices alone, on ports that any program can open."""
+
+import json
+import os
+import select
+import signal
+import threading
+from collections.abc import Iterator
+
+import click
+
+from config.faults import one_of
+from config.library import DEFAULT_ROBOT, find
+from config.robot import RobotConfig
+from config.units import in_dimension
+from config.world import load_world
+from drivers.api.joints import joint_called
+from drivers.clock import SystemClock
+from drivers.servos.declared import DynamixelKeys
+from drivers.servos.joint import Joint
+from drivers.servos.make import joints
+from drivers.servos.models import MODELS
+from drivers.servos.virtual.chain import VirtualServoBus
+from drivers.servos.virtual.servo import VirtualServo
+from drivers.virtual.plugged import Socket
+from missions.assembly.simulation import Simulation
+from missions.cli.names import ROBOT, WORLD
+from missions.cli.numbers import InUnit
+from missions.cli.origin import robot_file
+from missions.executive.executive import GLANCE
+from missions.library.drivers import load_robot
+
+# What a person does to virtual devices, in words: `turn elbow 30 deg`, typed while `mission simulate` runs them.
+
+ON_JOINTS = {
+    "turn": "JOINT ANGLE: turn a limp joint by hand, such as turn elbow 30 deg",
+    "burden": "JOINT SHARE: load it with a share of its stall torque, such as burden elbow 40 %",
+    "heat": "JOINT TEMPERATURE: make its servo so warm, such as heat elbow 85 degC",
+    "brown_out": "JOINT DURATION: let its supply break down for so long, such as brown_out elbow 200 ms",
+    "overload": "JOINT: let its servo shut itself down",
+    "power": "JOINT: switch its power off and on",
+    "remove": "JOINT: take its servo off the bus",
+    "insert": "JOINT: put its servo on the bus again",
+}
+"""What can be done to a servo, and what the words behind it are."""
+
+HELP = ON_JOINTS | {
+    "unplug": "[PART]: pull the plug of base, head, arm or another; of all that there are without a name",
+    "plug": "[PART]: put it in again",
+    "help": "this list",
+}
+"""All that can be done."""
+
+
+class Hands:
+    """Does such things to the devices of a simulation that is open."""
+
+    def __init__(self, simulation: Simulation, robot: RobotConfig) -> None:
+        self._simulation = simulation
+        self._joints: dict[str, tuple[str, Joint, VirtualServo]] = {}
+        for part, plugged in simulation.parts.items():
+            keys = robot.sections[part].keys
+            if isinstance(keys, DynamixelKeys) and isinstance(plugged.device, VirtualServoBus):
+                told = (Joint(name, spec, MODELS[spec.model]) for name, spec in joints(keys).items())
+                for joint, servo in zip(told, plugged.device.servos, strict=True):  # whatever ID it has by now
+                    self._joints[joint_called(part, joint.name)] = part, joint, servo
+
+    def do(self, line: str) -> str:
+        """Do what ``line`` says; return what to tell of it. Raises ValueError for words that make no sense."""
+        verb, *rest = line.split()
+        if verb in ON_JOINTS:
+            part, joint, servo = self._joint(rest[0] if rest else "")
+            self._simulation.terminals[part].ask(lambda: touch(verb, joint, servo, " ".join(rest[1:])))
+        elif verb in ("plug", "unplug"):
+            for terminal in self._terminals(" ".join(rest)):
+                terminal.unplug() if verb == "unplug" else terminal.replug()
+        elif verb == "help":
+            return "; ".join(f"{word} {what}" for word, what in HELP.items())
+        else:
+            raise ValueError(f"unknown command '{verb}'; {one_of(verb, HELP)}")
+        return " ".join((verb, *rest))
+
+    def _joint(self, name: str) -> tuple[str, Joint, VirtualServo]:
+        if name not in self._joints:
+            raise ValueError(f"no joint '{name}'; {one_of(name, self._joints) or 'this robot has none'}")
+        return self._joints[name]
+
+    def _terminals(self, part: str) -> list[Socket]:
+        terminals = self._simulation.terminals
+        if part and part not in terminals:
+            raise ValueError(f"no part '{part}' with a plug; {one_of(part, terminals)}")
+        return [terminals[part]] if part else list(terminals.values())
+
+
+def touch(verb: str, joint: Joint, servo: VirtualServo, value: str) -> None:
+    """Do to a servo what ``verb`` says. Raises ValueError for a value that makes no sense, or a joint that resists."""
+    match verb:
+        case "turn" if servo.limp:
+            servo.turn_by_hand(joint.spec.zero + joint.spec.direction * in_dimension(value, "angle"))
+        case "turn":
+            raise ValueError(f"{joint.title} is stiff: no hand can turn it")
+        case "burden":
+            servo.burden = in_dimension(value, "share") * joint.spec.direction
+        case "heat":
+            servo.temperature = in_dimension(value, "temperature")
+        case "brown_out":
+            servo.brown_out(in_dimension(value, "duration"))
+        case _ if value:
+            raise ValueError(f"needs the name of a joint and nothing else, got '{value}' too")
+        case "overload":
+            servo.overload()
+        case "power":
+            servo.power_cycle()
+        case "remove" | "insert":
+            servo.present = verb == "insert"
+
+
+class Lines:
+    """Whole lines from a descriptor, as they come; at its end, or where there is none, none come."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._begun = b""
+        self._open = True
+
+    def wait(self, seconds: float) -> Iterator[str]:
+        """Wait for so long, or until something comes; yield the lines that are whole by then."""
+        try:
+            ready = self._open and bool(select.select([self._descriptor], [], [], seconds)[0])
+            data = os.read(self._descriptor, 4096) if ready else b""
+        except (OSError, ValueError):  # closed, or a terminal that belongs to another program now
+            ready, data = True, b""
+        if ready and not data:
+            self._open = False
+        if not self._open:
+            threading.Event().wait(seconds)
+        *lines, self._begun = (self._begun + data).split(b"\n")
+        yield from (line.decode(errors="replace").strip() for line in lines)
+
+
+@click.command(epilog="Example: mission simulate --robot turtlebot2")
+@click.option("--robot", type=ROBOT, help=f"A name or a file; else {DEFAULT_ROBOT}.")
+@click.option(
+    "--state",
+    "period",
+    type=InUnit("s", 0.01),
+    metavar="SECONDS",
+    help="Print what the devices do, as JSON, so often.",
+)
+@click.option("--world", type=WORLD, help="The world around it; else open floor.")
+@click.option(
+    "--ros2",
+    "listen",
+    is_flag=False,
+    flag_value="tcp/127.0.0.1:7447",
+    metavar="[ADDRESS]",
+    help="Serve a robot of ROS 2 (turtlebot4, unless another is named) at this address: tcp/127.0.0.1:7447.",
+)
+@click.option("--paced", is_flag=True, help="Let bytes on the servo bus take the time that they take on a real one.")
+def command(robot: str | None, period: float | None, world: str | None, listen: str | None, paced: bool) -> None:
+    """Run the virtual devices of a robot, and print their ports as one line of JSON. Ctrl-C ends them.
+
+    The devices speak their real protocols: point any program at them, or another `mission run` with --port.
+    Meanwhile a line on stdin does something to them: `turn elbow 30 deg`, `overload elbow`, `unplug`, `help`.
+    """
+    config = load_robot(robot_file(robot, DEFAULT_ROBOT if listen is None else "turtlebot4"))
+    if listen is not None and "ros2" not in config.sections:
+        raise click.UsageError(f"{config.name} is no robot of ROS 2: mission simulate --ros2 --robot turtlebot4")
+    around = None if world is None else load_world(find("worlds", world))
+    clock = SystemClock()
+    ending: list[int] = []  # a plain list: a signal handler must not take a lock that it may have interrupted
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda got, _: ending.append(got))
+    signal.signal(signal.SIGTTIN, signal.SIG_IGN)  # in the background, nothing can be typed; that is no reason to stop
+    simulation = Simulation(config, config.parts, clock, world=around, listen=listen or "")
+    for plugged in simulation.parts.values():
+        if isinstance(plugged.device, VirtualServoBus):
+            plugged.device.paced = paced
+    try:
+        simulation.open()
+        click.echo(json.dumps({"robot": config.name, "ports": simulation.ports}))
+        hands, lines, told = Hands(simulation, config), Lines(0), clock.now()
+        while not ending:
+            for line in lines.wait(GLANCE if period is None else min(GLANCE, period)):
+                if line:
+                    _do(hands, line)
+            if period is not None and clock.now() - told >= period:
+                told = clock.now()
+                click.echo(json.dumps({"t": round(told, 3)} | simulation.state()))
+    finally:
+        simulation.close()
+
+
+def _do(hands: Hands, line: str) -> None:
+    """Carry out what was typed, and say so: in a line of JSON, as all that is said here."""
+    try:
+        told = {"done": hands.do(line)}
+    except ValueError as error:
+        told = {"error": f"{line}: {error}"}
+    click.echo(json.dumps(told))

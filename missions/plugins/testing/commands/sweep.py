@@ -1,0 +1,257 @@
+"""``mission sweep``: many runs of one mission over seeds and variations, and what they say together."""
+
+import sys
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+import click
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from config.defaults import load_defaults
+from config.units import in_dimension
+from drivers.clock import SystemClock
+from missions.cli.keys import interruptible
+from missions.cli.names import MISSION, ROBOT, WORLD
+from missions.cli.numbers import Whole
+from missions.cli.options import behaviours_option, pairs, params_option
+from missions.cli.origin import chosen_robot
+from missions.cli.printable import console
+from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
+from missions.cli.run import EXIT_CODES
+from missions.cli.running import Outputs
+from missions.cli.running import run as run_watched
+from missions.plugins.testing.many import cores
+from missions.plugins.testing.sweep.design import VariationError, Wish, design, told
+from missions.plugins.testing.sweep.files import PICTURE, RUNS, SUMMARY, Folder, write_world
+from missions.plugins.testing.sweep.knobs import known_names
+from missions.plugins.testing.sweep.processes import run_here
+from missions.plugins.testing.sweep.report import percent, report
+from missions.plugins.testing.sweep.summary import Summary, summarise
+from missions.plugins.testing.sweep.sweep import Sweep
+from missions.plugins.testing.sweep.variation import Row
+
+
+def _in(dimension: str) -> Callable[[click.Context, click.Parameter, str | None], float | None]:
+    """Return a click callback that reads a quantity."""
+
+    def read(ctx: click.Context, option: click.Parameter, value: str | None) -> float | None:
+        try:
+            return None if value is None else in_dimension(value, dimension)
+        except ValueError as error:
+            raise click.BadParameter(str(error), ctx=ctx, param=option) from error
+
+    return read
+
+
+@click.command(epilog="Example: mission sweep greet --runs 20 --vary person.distance='0.6..2.5 m'")
+@click.argument("name", type=MISSION, metavar="MISSION")
+@click.option("--runs", type=Whole(min=1), default=100, show_default=True, help="How many runs.")
+@click.option(
+    "--vary",
+    multiple=True,
+    metavar="NAME=VALUES",
+    callback=pairs('person.distance="0.6 m..3 m"'),
+    help="Draw this anew for each run: from a range (a..b) or a list (a,b,c). Repeat it for more. "
+    f"NAME is one of {', '.join(known_names())}; person2 is the second person of the world, and so on.",
+)
+@params_option
+@behaviours_option
+@click.option("--robot", type=ROBOT, help="The robot that is simulated (a name or a file).")
+@click.option("--world", type=WORLD, help="What it stands in (a name or a file).")
+@click.option(
+    "--eyes",
+    type=click.Choice(["pixels", "truth"]),
+    default="truth",
+    show_default=True,
+    help="Know from the world who is in view, which is quick, or draw pictures and search them, as the robot does.",
+)
+@click.option(
+    "--physics",
+    is_flag=True,
+    help="Let a robot with a body (a humanoid) stand, walk and fall by MuJoCo. It needs the extra `physics`.",
+)
+@click.option(
+    "--seed",
+    type=Whole(min=0),
+    default=0,
+    show_default=True,
+    help="That of the first run; the next has one more.",
+)
+@click.option(
+    "--limit",
+    metavar="TIME",
+    default="300 s",
+    show_default=True,
+    callback=_in("duration"),
+    help="How long a run may take, in simulated time, before it counts as unfinished.",
+)
+@click.option("-j", "--jobs", type=Whole(min=1), metavar="N", help="As many processes; one for each core.")
+@click.option("--dask", metavar="ADDRESS", help="Run on the Dask cluster with this scheduler, such as tcp://host:8786.")
+@click.option(
+    "--target",
+    metavar="SHARE",
+    callback=_in("share"),
+    help='Fail unless the success rate is surely above this, such as "95 %": the low end of its interval counts.',
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="FOLDER",
+    help="Where the files go; sweep-MISSION when not given.",
+)
+@click.option("--force", is_flag=True, help="Write over the files of an earlier sweep.")
+@click.option("--only", type=Whole(min=0), metavar="SEED", help="Run this one run of the sweep, and watch it.")
+@click.option(
+    "--save-world",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="With --only: write the world of that run, for `mission run --world FILE`.",
+)
+def command(
+    name: str,
+    runs: int,
+    vary: dict[str, str],
+    params: dict[str, str],
+    files: tuple[Path, ...],
+    robot: str | None,
+    world: str | None,
+    eyes: Literal["pixels", "truth"],
+    physics: bool,
+    seed: int,
+    limit: float,
+    jobs: int | None,
+    dask: str | None,
+    target: float | None,
+    output: Path | None,
+    force: bool,
+    only: int | None,
+    save_world: Path | None,
+) -> int:
+    """Run a mission (a name or a file) many times in simulated time, and say how often it succeeds and why not.
+
+    Writes every run (runs.csv), the summary (summary.json), a picture (sweep.png) and the worlds of the worst runs.
+    Run number i has the seed SEED + i, and all that differs in it follows from that: each can be run again alone.
+
+    Exit code 0 is that the sweep was run, 1 that it missed its --target, 2 a mistake in the command or a file,
+    3 no cluster, 130 interrupted; then what was run so far is told and written.
+    """
+    if save_world is not None and only is None:
+        raise click.UsageError("--save-world is for one run: add --only SEED")
+    if dask is not None and jobs is not None:
+        raise click.UsageError("--jobs is for this machine; a Dask cluster has the workers that it has")
+    try:
+        robot, world = chosen_robot(robot), world or load_defaults().world or None
+        sweep, plan = design(Wish(name, vary, params, robot, world, files, eyes, limit, physics))
+    except VariationError as error:
+        raise click.BadParameter(str(error), param_hint="--vary") from error
+    if only is not None:
+        return _watch(sweep, only, save_world)
+    folder = Folder(output or Path(f"sweep-{plan.mission}"))
+    try:
+        folder.prepare(force=force)
+    except FileExistsError as error:
+        raise click.UsageError(f"{error}: name another folder with --output, or add --force") from error
+    except OSError as error:
+        raise click.UsageError(f"{folder.path}: {error.strerror}") from error
+    clock = SystemClock()
+    with interruptible():
+        rows, where = _run(sweep, range(seed, seed + runs), jobs or cores(), dask, partial(folder.keep, sweep))
+        took = f"{clock.now():.1f} s on {where}"
+        summary = summarise(rows, sweep.variations)
+        _tell(sweep, folder, plan.mission, rows, summary, took)
+    if len(rows) < runs:
+        click.echo(f"mission: interrupted; {runs - len(rows)} runs are missing", err=True)
+        return INTERRUPTED
+    low, _ = summary.rate.interval
+    if target is not None and low < target:
+        click.echo(f"mission: the success rate may be as low as {percent(low)}: below {percent(target)}", err=True)
+        return FAILURE
+    return SUCCESS
+
+
+def _run(sweep: Sweep, seeds: range, jobs: int, dask: str | None, keep: Callable[[Row], None]) -> tuple[list[Row], str]:
+    """Run all seeds, or as many as there is time for before Ctrl-C, SIGTERM or a hang-up; ``keep`` gets each row.
+
+    Returns their rows in order, and who ran them.
+    """
+    found: list[Row] = []
+    work, where = _workers(sweep, seeds, jobs, dask)
+    with closing(work), _progress(len(seeds)) as progress:
+        try:
+            for row in work:
+                keep(row)
+                found.append(row)
+                progress(found)
+        except KeyboardInterrupt:
+            pass  # fewer rows than seeds say so
+    return sorted(found, key=lambda row: row.seed), where
+
+
+def _workers(sweep: Sweep, seeds: range, jobs: int, dask: str | None) -> tuple[Generator[Row], str]:
+    if dask is None:
+        return run_here(sweep, seeds, jobs), f"{jobs} process{'es' if jobs > 1 else ''}"
+    try:
+        from missions.plugins.testing.sweep.cluster import run_on_cluster  # noqa: PLC0415 - only who has a cluster has Dask
+    except ImportError as error:
+        raise click.UsageError("--dask needs Dask: pip install 'missiontree[cluster]'") from error
+    return run_on_cluster(dask, sweep, seeds), f"the cluster at {dask}"
+
+
+@contextmanager
+def _progress(runs: int) -> Iterator[Callable[[Sequence[Row]], None]]:
+    """Show on a terminal how far the sweep is, and how many runs have succeeded."""
+    shown = console(sys.stderr)
+    columns = (
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[good]} succeeded"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=shown, transient=True, disable=not shown.is_terminal) as progress:
+        task = progress.add_task("", total=runs, good=0)
+
+        def told(rows: Sequence[Row]) -> None:
+            good = progress.tasks[0].fields["good"] + (rows[-1].result == "success")
+            progress.update(task, completed=len(rows), good=good)
+
+        yield told
+
+
+def _tell(sweep: Sweep, folder: Folder, mission: str, rows: Sequence[Row], summary: Summary, took: str) -> None:
+    """Write the files, print the table and draw the picture; the files first, for the terminal may have gone."""
+
+    def again(row: Row) -> tuple[str, str]:
+        world = folder.world(row.seed)
+        return told(sweep, row.values), sweep.command(row.seed, world) if world.exists() else ""
+
+    if rows:
+        about = {"mission": mission, "world": sweep.file, "eyes": sweep.eyes, "limit": sweep.limit}
+        folder.write(sweep, rows, summary, about)
+    click.echo(f"{mission} in {sweep.file}: {len(rows)} runs, eyes: {sweep.eyes}; {took}\n")
+    if not rows:
+        return
+    click.echo(report(summary, again))
+    written = [RUNS, SUMMARY]
+    try:
+        from missions.plugins.testing.sweep.picture import draw  # noqa: PLC0415 - an extra, and slow to import
+    except ImportError:
+        click.echo("mission: no picture without Matplotlib: pip install 'missiontree[plots]'", err=True)
+    else:
+        draw(folder.path / PICTURE, mission, summary, rows)
+        written.append(PICTURE)
+    click.echo(f"\nwritten to {folder.path}/: {', '.join(written)}")
+
+
+def _watch(sweep: Sweep, seed: int, save_world: Path | None) -> int:
+    """Run one seed as ``mission run`` does, and tell how to do so again."""
+    click.echo(f"run {seed}: {told(sweep, sweep.draw(seed)) or 'nothing varied'}")
+    if save_world is not None:
+        write_world(sweep, seed, save_world)
+        click.echo(sweep.command(seed, save_world))
+    result = run_watched(sweep.order(seed), Outputs(), sys.stdout, lambda _: None)
+    return EXIT_CODES[result.result]

@@ -1,0 +1,152 @@
+"""``mission test``: play the cases that test files hold, and say which do not come true."""
+
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import click
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from config.faults import Diagnostic, InvalidFileError
+from config.saving import save_file
+from drivers.clock import SystemClock
+from missions.cli.names import TESTED
+from missions.cli.numbers import Whole
+from missions.cli.options import behaviours_option, tell_found
+from missions.cli.origin import chosen_robot
+from missions.cli.outputs import writing
+from missions.cli.printable import console, echo
+from missions.cli.root import FAILURE, SUCCESS
+from missions.library.shipped import behaviour_files
+from missions.plugins.testing import report
+from missions.plugins.testing.coverage import coverage, lines_of, page
+from missions.plugins.testing.many import cores, play_all
+from missions.plugins.testing.play import Verdict
+from missions.plugins.testing.report import junit
+from missions.plugins.testing.suite import Case, all_tests, load_suite, named_tests
+
+
+@click.command(epilog="Example: mission test greet --coverage")
+@click.argument("names", type=TESTED, nargs=-1, metavar="[PATH]...")
+@click.option("-k", "words", metavar="TEXT", default="", help="Only the cases with this in their file or title.")
+@click.option("--physics", is_flag=True, help="Play all cases in physics, as a case does with `physics: true`.")
+@click.option("-j", "--jobs", type=Whole(min=1), metavar="N", help="As many processes at a time; one for each core.")
+@click.option(
+    "--junit", "junit_file", type=click.Path(dir_okay=False, path_type=Path), help="Write the verdicts as JUnit XML."
+)
+@click.option("--coverage", "tell_coverage", is_flag=True, help="Say what of the missions was never tried.")
+@click.option(
+    "--coverage-page",
+    "page_file",
+    metavar="FILE.html",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write what was tried as a page, with the missions' lines marked.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Write the verdicts as JSON, for other programs.")
+@behaviours_option
+@click.option("-x", "--fail-fast", is_flag=True, help="Begin nothing new after the first failure.")
+def command(
+    names: tuple[str, ...],
+    words: str,
+    physics: bool,
+    jobs: int | None,
+    junit_file: Path | None,
+    tell_coverage: bool,
+    page_file: Path | None,
+    as_json: bool,
+    files: tuple[Path, ...],
+    fail_fast: bool,
+) -> int:
+    """Play test files, in simulated time: files, folders, or missions by name.
+
+    Without any, those here and below; where there are none, those of the missions that ship with MissionTree.
+    Exit code 0 is that all cases passed, 1 that one failed, 2 a mistake in the command or a file.
+    """
+    chosen_robot(None)  # of the cases that name none
+    cases = _chosen(names, words, files)
+    if physics:
+        cases = [replace(case, physics=True) for case in cases]
+    clock = SystemClock()
+    with _progress(len(cases)) as told:
+        verdicts = _played(cases, jobs or cores(), fail_fast, told)
+    if junit_file is not None:
+        _write(junit_file, junit(verdicts), "--junit")
+    if page_file is not None:
+        _write(page_file, page(coverage(verdicts)).encode(), "--coverage-page")
+    if as_json:
+        click.echo(json.dumps([report.as_dict(verdict) for verdict in verdicts], indent=2, ensure_ascii=False))
+    else:
+        _tell(verdicts)
+        if tell_coverage:
+            click.echo("\n" + "\n".join(lines_of(coverage(verdicts))) + "\n")
+    click.echo(report.total(verdicts, planned=len(cases), seconds=clock.now()), err=as_json)
+    if written := [str(path) for path in (junit_file, page_file) if path is not None]:
+        click.echo(f"wrote {', '.join(written)}", err=True)
+    return SUCCESS if all(verdict.passed for verdict in verdicts) else FAILURE
+
+
+def _chosen(names: Sequence[str], words: str, own: Sequence[Path]) -> list[Case]:
+    """Return the cases to be played; ``own`` are files of behaviours. Raises InvalidFileError with all mistakes."""
+    files = dict.fromkeys(path for name in names for path in named_tests(name)) if names else all_tests()
+    cases: list[Case] = []
+    faults: list[Diagnostic] = []
+    for path in files:
+        try:
+            cases += load_suite(path, own)
+        except InvalidFileError as error:
+            faults += error.faults
+    if faults:
+        raise InvalidFileError(faults)
+    for mission in dict.fromkeys(case.mission for case in cases):
+        tell_found(behaviour_files(mission, own), own)
+    chosen = [case for case in cases if words.lower() in f"{case.source.name}: {case.title}".lower()]
+    if not chosen:
+        raise click.UsageError(f"-k: none of {len(cases)} cases has '{words}' in its file or title")
+    return chosen
+
+
+def _played(cases: Sequence[Case], jobs: int, fail_fast: bool, told: Callable[[Verdict], None]) -> list[Verdict]:
+    verdicts: list[Verdict] = []
+    with closing(play_all(cases, jobs=jobs)) as playing:
+        for verdict in playing:
+            verdicts.append(verdict)
+            told(verdict)
+            if fail_fast and not verdict.passed:
+                break
+    return report.in_order(verdicts)
+
+
+def _tell(verdicts: Sequence[Verdict]) -> None:
+    for verdict in verdicts:
+        if verdict.passed:
+            echo("passed", "green", f"  {verdict.case}")
+    for verdict in verdicts:
+        if not verdict.passed:
+            echo("\nFAILED", "red", f"  {report.failure(verdict)}\n")
+
+
+@contextmanager
+def _progress(count: int) -> Iterator[Callable[[Verdict], None]]:
+    """Show a bar on a terminal, and give what is to be told of each verdict; without a terminal nothing is shown."""
+    shown = console(sys.stderr)
+    if not shown.is_terminal:
+        yield lambda _: None
+        return
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("[red]{task.fields[failed]}"), TimeElapsedColumn())
+    with Progress(*columns, console=shown, transient=True) as progress:
+        task = progress.add_task("cases", total=count, failed="")
+        failed: list[Verdict] = []
+
+        def told(verdict: Verdict) -> None:
+            failed.extend(() if verdict.passed else (verdict,))
+            progress.update(task, advance=1, failed=f"{len(failed)} failed" if failed else "")
+
+        yield told
+
+
+def _write(path: Path, data: bytes, option: str) -> None:
+    with writing(path, option):
+        save_file(path, data)

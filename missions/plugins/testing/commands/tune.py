@@ -1,0 +1,135 @@
+"""``mission tune``: find better numbers for a controller by trying it in simulation."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from behaviours.tracking.rules import RuleBases
+from config.controller import parse_controller, renamed, rewritten
+from config.faults import Source
+from config.library import find
+from config.marked import read_source
+from config.saving import save_file
+from missions.cli.keys import interruptible
+from missions.cli.names import CONTROLLER
+from missions.cli.numbers import Whole
+from missions.cli.outputs import writing
+from missions.cli.printable import console
+from missions.cli.root import INTERRUPTED, SUCCESS
+from missions.plugins.testing.commands.controller import read
+from missions.plugins.testing.controllers.bench import bench, table
+from missions.plugins.testing.controllers.scenario import SCENARIOS
+
+RULES = ("pan", "turn")
+"""The rule bases that can be tuned."""
+
+
+@click.group(epilog="Example: mission tune tracker --evaluations 50")
+def command() -> None:
+    """Let the robot learn: find better numbers by trying them in simulation."""
+
+
+@command.command(epilog="Example: mission tune tracker --controller face --evaluations 50")
+@click.option(
+    "--controller",
+    "name",
+    type=CONTROLLER,
+    default="face",
+    show_default=True,
+    help="Where to start from.",
+)
+@click.option(
+    "--rules",
+    type=click.Choice(RULES),
+    multiple=True,
+    help="Which to tune: pan (of the head), turn (of a base without a head). Repeat it for more; both by default.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Where the new controller goes; NAME_tuned.yaml when not given.",
+)
+@click.option("--force", is_flag=True, help="Write over a file that is there.")
+@click.option(
+    "--evaluations",
+    type=Whole(min=10),
+    default=300,
+    show_default=True,
+    metavar="N",
+    help="How many variants to try, in all.",
+)
+@click.option("--seed", type=Whole(min=0), default=0, show_default=True, help="Of the search.")
+def tracker(name: str, rules: tuple[str, ...], output: Path | None, force: bool, evaluations: int, seed: int) -> int:
+    """Tune the numbers of a controller (a name or a file), and write them into a new file.
+
+    Differential evolution: variants are tried on the simulated robot, in the step and the walk of `mission controller
+    bench`, and the better ones are mixed. The same command finds the same numbers. All else in the file stays as it is.
+    Whatever ends it, the best numbers by then are in the new file.
+    """
+    try:
+        from missions.plugins.testing.controllers.tuning import Tuning  # noqa: PLC0415 - an extra, and slow to import
+    except ImportError as error:
+        raise click.UsageError("tuning needs SciPy: pip install 'missiontree[tune]'") from error
+    path = find("controllers", name)
+    config, before = read(name)
+    output = output or Path(f"{path.stem}_tuned.yaml")
+    if output.exists() and not force:
+        raise click.UsageError(f"'{output}' exists: name another file with --output, or add --force")
+    chosen = tuple(dict.fromkeys(rules)) or tuple(each for each in RULES if each in config.values)
+    source = read_source(path)
+    kept: list[str] = []
+
+    def keep(text: str) -> None:
+        """Write the best so far, which is there then whatever ends the search."""
+        found = Source(source.name, text)
+        kept.append(rewritten(found, renamed(found, output.stem, f"{config.summary} Tuned.")))
+        with writing(output, "-o"):
+            save_file(output, kept[-1])
+
+    try:
+        with interruptible(), _progress(evaluations) as told:
+            for each in chosen:
+                tuning = Tuning(source, each)
+                found = tuning.search(evaluations // len(chosen), seed=seed, progress=told, better=keep)
+                source = Source(source.name, found.text)
+    except KeyboardInterrupt:
+        if not kept:
+            raise
+        click.echo(f"mission: interrupted; {output} has the best numbers so far", err=True)
+        return INTERRUPTED
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+    text = rewritten(source, renamed(source, output.stem, f"{config.summary} Tuned."))
+    after = RuleBases.from_mapping(parse_controller(Source(str(output), text)).values)
+    for line in table(list(bench({"before": before, "after": after}, scenarios=SCENARIOS[:2]))):
+        click.echo(line)
+    with writing(output, "-o"):
+        save_file(output, text)
+    click.echo(f"\nwrote {output}; to use it: track_face: {output}")
+    return SUCCESS
+
+
+@contextmanager
+def _progress(evaluations: int) -> Iterator[Callable[[float], None]]:
+    """Show on a terminal how many variants were tried, and the least cost so far."""
+    shown = console(sys.stderr)
+    columns = (
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("least cost {task.fields[least]:.2f}"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=shown, transient=True, disable=not shown.is_terminal) as progress:
+        task = progress.add_task("", total=evaluations, least=float("inf"))
+
+        def told(cost: float) -> None:
+            progress.update(task, advance=1, least=min(cost, progress.tasks[0].fields["least"]))
+
+        yield told

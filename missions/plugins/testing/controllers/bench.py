@@ -1,0 +1,181 @@
+"""The bench: controllers side by side in all scenarios, with each body, as a table."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+
+from behaviours.tracking.fuzzy import Controller
+from behaviours.tracking.rules import RuleBases, controllers
+from behaviours.tracking.terms import Sets
+from config.controller import ControllerConfig
+from missions.plugins.testing.controllers.scenario import SCENARIOS, Body, Scenario
+from missions.plugins.testing.controllers.score import Score, score
+from missions.plugins.testing.controllers.trial import Trace, Trial
+
+# A controller in words: its rule bases, what they listen to, and what they say.
+
+UNITS: Mapping[str, tuple[str, float]] = {
+    "error": ("deg", math.degrees(1)),
+    "pan": ("deg", math.degrees(1)),
+    "rate": ("deg/s", math.degrees(1)),
+    "edge": ("px", 1.0),
+}
+"""The unit in which each input is shown, and how many of these one SI unit is."""
+
+OUTPUT = ("deg/s", math.degrees(1))
+"""The same for the outputs: all are rates."""
+
+
+def lines_about(config: ControllerConfig) -> Iterator[str]:
+    """Yield what is in a controller, line by line. Raises ValueError for one that is wrong."""
+    yield f"{config.name}: {config.summary}"
+    yield "acts on what is foreseen" if config.values.get("predict", True) else "acts on what the newest picture shows"
+    fuzzy = controllers(config.values)
+    for name, values in config.values.items():
+        if name in fuzzy:
+            yield ""
+            yield from _about(name, fuzzy[name])
+        elif isinstance(values, Mapping):
+            most = values.get("most", math.inf)
+            limit = f", at most {most * OUTPUT[1]:.4g} {OUTPUT[0]}" if most < math.inf else ""
+            yield f"\n{name}: {values['p']:g} times the error and {values['d']:g} times its rate{limit}"
+
+
+def _about(name: str, controller: Controller) -> Iterator[str]:
+    method = "Mamdani" if isinstance(controller.output, Sets) else "Sugeno"
+    yield f"{name}: {len(controller.rules)} rules, {method}"
+    for variable in controller.inputs:
+        unit, scale = UNITS[variable.name]
+        terms = ", ".join(
+            f"{term} {_middle(at.full, at.until) * scale:.4g}"
+            for term, at in sorted(variable.terms.items(), key=lambda item: _middle(item[1].full, item[1].until))
+        )
+        yield f"  {variable.name} ({unit}): {terms}"
+    for rule in controller.rules:
+        yield f"  {rule}"
+
+
+def _middle(full: float, until: float) -> float:
+    """Return the middle of where a term is fully true; of a shoulder, where that begins."""
+    if math.isinf(full):
+        return until
+    return full if math.isinf(until) else (full + until) / 2
+
+
+CONTROLLERS = ("course", "pd", "mamdani", "face")
+"""What is benched unless others are named: the course's tracker, the textbook's, and ours by both inferences."""
+
+COMPARED = ("course", "pd", "pd_ahead", "face")
+"""What is benched with delays that nobody tells the robot, beside standing still."""
+
+NEAR = 0.015
+"""Seconds within which a delay is right."""
+
+STANDING = RuleBases.from_mapping({axis: {"p": 0, "d": 0} for axis in ("pan", "tilt", "turn")})
+"""A controller that moves nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One controller in one scenario with one body: what it showed, and what that comes to."""
+
+    scenario: Scenario
+    body: Body
+    controller: str
+    trace: Trace
+    score: Score
+
+    def as_dict(self) -> dict[str, object]:
+        """Return it for JSON: seconds and degrees."""
+        found = asdict(self.score) | {"ratio": self.score.ratio, "ratio_known": self.score.ratio_known}
+        for name in ("overshoot", "rms"):
+            found[name] = None if found[name] is None else math.degrees(found[name])
+        return {"scenario": self.scenario.name, "body": str(self.body), "controller": self.controller, **found}
+
+
+def bench(
+    controllers: Mapping[str, RuleBases],
+    *,
+    scenarios: Sequence[Scenario] = SCENARIOS,
+    bodies: Sequence[Body] = tuple(Body),
+    seed: int = 0,
+    lag: float = 0.0,
+) -> Iterator[Row]:
+    """Yield the rows, scenario by scenario and body by body. ``lag`` (seconds) is what the base is believed to take."""
+    for scenario in scenarios:
+        for body in bodies:
+            for name, rules in controllers.items():
+                trace = Trial(rules, scenario, body, seed=seed, lag=lag).run()
+                yield Row(scenario, body, name, trace, score(trace, scenario, body))
+
+
+def table(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield the lines of a table: a block for each scenario and body, a line for each controller."""
+    width = max((len(row.controller) for row in rows), default=0)
+    yield f"{'':<{width + 2}} {'centred':>9} {'x bound':>8} {'x known':>8} {'overshoot':>10} {'RMS error':>10}"
+    block = None
+    for row in rows:
+        if (row.scenario, row.body) != block:
+            block = row.scenario, row.body
+            yield f"{row.scenario.name}, {row.body}: bound {row.score.bound:.2f} s"
+        yield f"  {row.controller:<{width}} {_figures(row.score)}"
+
+
+def summary(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield the lines of a table over several seeds: how many times the bound, and what is known; RMS errors.
+
+    Each is the median and the worst.
+    """
+    names = list(dict.fromkeys(row.controller for row in rows))
+    yield f"{'':<24} {'':<5}" + "".join(f" {name:>37}" for name in names)
+    blocks: dict[tuple[str, Body], dict[str, list[Score]]] = {}
+    for row in rows:
+        blocks.setdefault((row.scenario.name, row.body), {}).setdefault(row.controller, []).append(row.score)
+    for (scenario, body), scores in blocks.items():
+        yield f"{scenario:<24} {body:<5}" + "".join(f" {_summed(scores[name]):>37}" for name in names)
+
+
+def stamp_summary(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield the lines of a table over several seeds: what was learnt of the camera's delay, and what that was worth.
+
+    ``known`` is the share of the seeds in which the delay was known in the end, within ``NEAR`` seconds; ``worst`` the
+    largest error while it was known (ms).
+    """
+    yield f"{'':<24} {'':<5} {'':<10} {'known':>7} {'worst':>7} {'centred':>8} {'x bound':>14} {'past':>5} {'RMS':>10}"
+    blocks: dict[tuple[str, Body, str], list[Score]] = {}
+    for row in rows:
+        blocks.setdefault((row.scenario.name, row.body, row.controller), []).append(row.score)
+    for (scenario, body, name), scores in blocks.items():
+        of = len(scores)
+        known = sum(score.delay_error is not None and abs(score.delay_error) <= NEAR for score in scores)
+        worst = 1000 * max(score.worst_known for score in scores)
+        ratios = sorted(score.ratio for score in scores if score.ratio is not None)
+        errors = sorted(math.degrees(score.rms) for score in scores if score.rms is not None)
+        figures = _both(ratios, "x", 2) if ratios else "never", _both(errors, "", 2) if errors else "lost"
+        yield (
+            f"{scenario:<24} {body:<5} {name:<10} {f'{known}/{of}':>7} {worst:>4.0f} ms {f'{len(ratios)}/{of}':>8} "
+            f"{figures[0]:>14} {max(score.swings for score in scores):>5} {figures[1]:>10}"
+        )
+
+
+def _summed(scores: Sequence[Score]) -> str:
+    """Return times the two bounds (median, worst or how often never) and degrees RMS (or how often lost)."""
+    ratios = sorted(score.ratio for score in scores if score.ratio is not None)
+    known = sorted(score.ratio_known for score in scores if score.ratio_known is not None)
+    errors = sorted(math.degrees(score.rms) for score in scores if score.rms is not None)
+    never, lost = len(scores) - len(ratios), len(scores) - len(errors)
+    centred = f"never {never}/{len(scores)}" if never else f"{_both(ratios, 'x', 2)} {_both(known, 'x', 2):>12}"
+    centred = "" if scores[0].bound == 0 else centred
+    return f"{centred:>25} " + (f"lost {lost}/{len(scores)}" if lost else _both(errors, "", 1))
+
+
+def _both(sorted_values: Sequence[float], sign: str, digits: int) -> str:
+    middle, worst = sorted_values[len(sorted_values) // 2], sorted_values[-1]
+    return f"{middle:.{digits}f}{sign} {worst:.{digits}f}{sign}"
+
+
+def _figures(found: Score) -> str:
+    centred = "never" if found.centred is None else f"{found.centred:.2f} s"
+    ratios = " ".join("        " if found is None else f"{found:8.2f}" for found in (found.ratio, found.ratio_known))
+    rms = "lost" if found.rms is None else f"{math.degrees(found.rms):.2f} deg"
+    return f"{centred:>9} {ratios} {math.degrees(found.overshoot):6.2f} deg {rms:>10}"

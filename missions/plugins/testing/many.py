@@ -1,0 +1,95 @@
+"""Plays many cases, or whatever else takes long, at a time, each in a process that has nothing else to do."""
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import active_children, get_context
+from typing import TypeVar
+
+import cv2
+
+from missions.plugins.testing.play import Verdict, play
+from missions.plugins.testing.suite import Case
+from missions.plugins.testing.with_parent import end_with_parent
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+GONE = "its process came to an end: a behaviour held a tick for good, or ended it"
+
+
+def cores() -> int:
+    """Return how many processes can really run at a time."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def play_all(cases: Sequence[Case], *, jobs: int) -> Generator[Verdict, None, None]:
+    """Play ``cases`` in up to ``jobs`` processes, and yield each verdict as soon as it is there. See ``do_all``."""
+    return do_all(play, cases, lambda case: Verdict(case, error=GONE), jobs=jobs)
+
+
+def do_all(
+    work: Callable[[T], R], things: Sequence[T], gone: Callable[[T], R], *, jobs: int
+) -> Generator[R, None, None]:
+    """Do ``work`` with each of some ``things`` in up to ``jobs`` processes; yield what comes of each when it is there.
+
+    Once the generator is closed, or interrupted, all that is being done ends at once. What ends its process takes down
+    those beside it; they are done again, each alone, so that it is clear which it was: of that comes ``gone``.
+    """
+    lost: list[T] = []
+    others = active_children()
+    with _pool(min(jobs, len(things))) as pool:
+        with _deaf():
+            playing = {pool.submit(work, thing): thing for thing in things}
+        try:
+            for future in as_completed(playing):
+                if isinstance(future.exception(), BrokenProcessPool):
+                    lost.append(playing[future])
+                else:
+                    yield future.result()
+        except BaseException:  # nobody waits for what is left, and it may take long
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in active_children():
+                if process not in others:
+                    process.kill()  # a run would take any other signal for its own
+            raise
+    for thing in lost:
+        yield _alone(work, thing, gone)
+
+
+def _alone(work: Callable[[T], R], thing: T, gone: Callable[[T], R]) -> R:
+    with _pool(1) as pool:
+        with _deaf():
+            playing = pool.submit(work, thing)
+        try:
+            return playing.result()
+        except BrokenProcessPool:
+            return gone(thing)
+
+
+def _pool(jobs: int) -> ProcessPoolExecutor:
+    # Spawned, not forked: a fork would take over locks of threads that it does not have.
+    return ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_prepare)
+
+
+def _prepare() -> None:
+    """Prepare a process that is one of several: OpenCV has no cores to itself, and its parent may be killed."""
+    end_with_parent()
+    cv2.setNumThreads(1)
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Have processes that begin meanwhile not hear Ctrl-C: it is for this one, which then ends them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,152 @@
+"""Mocks: stand-ins for leaves, missions and composites that follow a script, whatever the robot and the world do."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, fields
+from fnmatch import fnmatchcase
+from typing import Any
+
+from py_trees.common import Status
+
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
+from missions.language.expressions import of_kind
+from missions.language.kinds import dimensions_of
+from missions.language.nodes import MISSION, MODIFIERS
+from missions.language.plan import Step
+from missions.plugins.testing.script import Script, Turn
+from perception.api import Box, Face
+
+ANY = frozenset("*?")
+"""The signs of a pattern."""
+
+_OF_FACE = [field for field in fields(Face) if field.name not in {"box", "stamp"}]
+_FIELDS = {field.metadata.get("recorded", field.name): field.name for field in _OF_FACE}
+RESULT_OF_FACE = tuple(_FIELDS | {field.name: "" for field in _OF_FACE})
+"""What a test file can say of a face that a mock keeps; the rest is made up."""
+
+
+@dataclass(frozen=True, slots=True)
+class MockSpec:
+    """What a test file says of a mock: what it stands for (see ``fits``), and what it does.
+
+    ``result`` is what ``as`` keeps, or what a mission returns: quantities in SI units, by name, or a phrase. None where
+    the file says nothing.
+    """
+
+    target: str
+    script: Script
+    result: Mapping[str, object] | str | None = None
+
+
+class Turns:
+    """The turns of one script, taken one after another by all mocks that follow it; a halt rewinds nothing."""
+
+    def __init__(self, script: Script) -> None:
+        self._left = [turn for turn in script for _ in range(turn.times)]
+
+    def take(self) -> Turn:
+        """Take the next turn; the last one again and again."""
+        return self._left.pop(0) if len(self._left) > 1 else self._left[0]
+
+
+class Mock(Leaf):
+    """Stands for another leaf: claims what it claims, is given what it is given, and follows a script."""
+
+    _turns: Turns
+    _turn: Turn
+    _outcome: Callable[[], object]
+    _keeps_failed = False
+    _ticks = 0
+
+    def follow(self, turns: Turns, outcome: Callable[[], object], *, keeps_failed: bool = False) -> None:
+        """Set what it does, and what gives the result of a success; ``keeps_failed`` where that of a failure too."""
+        self._turns, self._outcome, self._keeps_failed = turns, outcome, keeps_failed
+
+    def initialise(self) -> None:
+        """Take the next turn."""
+        self._turn, self._ticks = self._turns.take(), 0
+
+    def update(self) -> Status:
+        """Run until the turn is over, then end as it says."""
+        turn = self._turn
+        # A duration that is a whole number of ticks is over with the last of them, in spite of rounding.
+        if self._ticks < turn.ticks or self.elapsed < turn.seconds - 1e-6:
+            self._ticks += 1
+            return RUNNING
+        if turn.end == "failure":
+            self.feedback_message = turn.reason
+            if self._keeps_failed:
+                self._outcome()
+            return FAILURE
+        self.result = self._outcome()
+        return SUCCESS
+
+
+def fits(target: str, step: Step) -> bool:
+    """Say whether a mock for ``target`` stands for this step.
+
+    A leaf goes by its word or its name, a sub-mission by its own name or the one beside it, a composite by the name
+    beside it; ``*`` and ``?`` in the target stand for any letters, in leaves and sub-missions.
+    """
+    if step.kind in MODIFIERS:
+        return False
+    if step.leaf is None and step.kind != MISSION:
+        return step.name != step.kind and target == step.name
+    names = (step.name, step.text if step.kind == MISSION else step.kind)
+    return target in names or any(fnmatchcase(name, target) for name in names if ANY.intersection(target))
+
+
+class Cast:
+    """Puts mocks in the place of leaves, missions and composites while a tree is built; the first that fits is taken.
+
+    All that one of them fits share its script: ``gesture: fails twice`` is for the first two gestures.
+    """
+
+    def __init__(self, specs: Iterable[MockSpec]) -> None:
+        self._roles = [(spec, Turns(spec.script)) for spec in specs]
+
+    def __call__(self, step: Step, leaf: Leaf | None) -> Leaf | None:
+        """Return what is to stand in the place of ``leaf``, or of a step that is none: a mock, or itself."""
+        for spec, turns in self._roles:
+            if fits(spec.target, step):
+                return _of_step(step, turns, spec.result) if leaf is None else _mock(leaf, turns, spec.result)
+        return leaf
+
+
+def _mock(leaf: Leaf, turns: Turns, told: Mapping[str, object] | str | None) -> Mock:
+    """Return a mock in the place of ``leaf``."""
+    # A class of its own, since what a leaf claims belongs to its class.
+    own = {"word": leaf.word, "drives": leaf.drives, "open_ended": leaf.open_ended, "stores": leaf.stores,
+           "arguments": leaf.arguments}  # fmt: skip
+    made: Any = type(f"Mock{type(leaf).__name__}", (Mock,), own)
+    mock: Mock = made(leaf.name)
+    mock.follow(turns, lambda: _result(mock, leaf, told))
+    return mock
+
+
+def _of_step(step: Step, turns: Turns, told: Mapping[str, object] | str | None) -> Mock:
+    """Return a mock in the place of a mission or a composite, with all that is below it."""
+    made: Any = type("MockTree", (Mock,), {"word": step.kind, "drives": step.claims})
+    mock: Mock = made(step.name)
+    returned = told if isinstance(told, Mapping) else {}
+
+    def outcome() -> object:
+        results = {name: _face(mock, value) if isinstance(value, dict) else value for name, value in returned.items()}
+        mock.scope.update(results if step.keep_as is None else {step.keep_as: results})
+        mock.run.stored = True
+        return results
+
+    mock.follow(turns, outcome, keeps_failed=step.kind == MISSION)
+    return mock
+
+
+def _result(mock: Mock, leaf: Leaf, told: Mapping[str, object] | str | None) -> object:
+    if isinstance(told, Mapping) and isinstance(leaf.keeps, type):
+        told = {name: of_kind(value, dimensions_of(leaf.keeps).get(name)) for name, value in told.items()}
+    return told if leaf.keeps is not Face or isinstance(told, str) else _face(mock, told or {})
+
+
+def _face(mock: Mock, told: Mapping[str, object]) -> Face:
+    """Return a face seen now, of which this is known; the rest is made up."""
+    made_up = {**dict.fromkeys(_FIELDS.values(), 0.0), "id": 1, "distance": 1.5, "name": ""}
+    values: dict[str, Any] = {**made_up, **{_FIELDS.get(name, name): value for name, value in told.items()}}
+    return Face(stamp=mock.run.now(), box=Box(300.0, 220.0, 40.0, 40.0), **values)

@@ -1,0 +1,77 @@
+"""The events of a run, in the words that test files use: ``track_face starts``, ``says "Hello"``, ``base stops``."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from drivers.api.kinds import KINDS
+from missions.executive.guard import REFLEXES
+from missions.plugins.testing.phrases import Phrase
+
+NODE_VERBS: tuple[str, ...] = ("starts", "succeeds", "fails", "halts")
+PART_VERBS = ("disconnects", "reconnects", "complains")
+BASE_VERBS = ("moves", "stops")
+REFLEX_VERBS = ("fires", "clears")
+VERBS = (*NODE_VERBS, *PART_VERBS, *BASE_VERBS, *REFLEX_VERBS)
+SAYS = ("say", "says")
+
+KnownNode = Callable[[str], str]
+"""Says what is wrong with the name of a node, nothing where the mission has one by that word or name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Happening:
+    """Something that happened ``time`` seconds after the start: somebody, by any of ``names``, does something.
+
+    ``text`` is what was said, why a node has failed, what a part complains of, or more of a reflex. ``key`` is the
+    node's place in the tree; a node's key with a dot behind it for what it has done itself.
+    """
+
+    time: float
+    names: tuple[str, ...]
+    verb: str
+    text: str = ""
+    key: str = ""
+
+    def __str__(self) -> str:
+        if self.verb == "says":
+            return f'says "{self.text}"'
+        return f"{self.names[-1]} {self.verb}" + (f" ({self.text})" if self.text else "")
+
+
+@dataclass(frozen=True, slots=True)
+class EventSpec:
+    """An event that a test file names. ``text`` is contained in what is said."""
+
+    name: str
+    verb: str
+    text: str = ""
+
+    def fits(self, happening: Happening) -> bool:
+        """Whether this is what happened."""
+        return self.verb == happening.verb and self.name in happening.names and self.text in happening.text
+
+    def __str__(self) -> str:
+        return f'says "{self.text}"' if self.verb == "says" else f"{self.name} {self.verb}"
+
+
+def read_moment(phrase: Phrase, known: KnownNode) -> EventSpec:
+    """Read a moment; words that come after it are left."""
+    if phrase.word in SAYS and phrase.after not in NODE_VERBS:  # else it is a behaviour of that name
+        phrase.take()
+        return EventSpec("robot", "says", phrase.quoted("'says'"))
+    words = phrase.ahead(VERBS)
+    if len(words) > 1 and phrase.ahead(()) == words:  # no verb, so the last word was meant to be one
+        words.pop()
+    name, verbs = " ".join(words).strip('"'), NODE_VERBS
+    if name in KINDS:
+        verbs = (*BASE_VERBS, *PART_VERBS) if name == "base" else PART_VERBS
+    elif name in REFLEXES and (known(name) or phrase.ahead(NODE_VERBS) != words):  # else a behaviour of that name
+        verbs = REFLEX_VERBS
+    elif problem := known(name):
+        phrase.fault(problem)
+    for _ in words:
+        phrase.take()
+    verb = phrase.took(*verbs)
+    if not verb:
+        phrase.wrong(f"what '{name}' does", verbs)
+    return EventSpec(name, verb)

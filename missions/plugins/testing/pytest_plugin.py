@@ -1,0 +1,125 @@
+"""The pytest plugin: mission tests are collected beside all others, and Python tests get the fixtures that they need.
+
+It is loaded wherever MissionTree is installed, so it does nothing, and imports nothing, before it is asked to.
+"""
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from drivers.clock import ManualClock
+    from drivers.sim.world import World
+    from missions.plugins.testing.play import Verdict
+    from missions.plugins.testing.ran import Ran
+    from missions.plugins.testing.recorders import Bench
+    from missions.plugins.testing.suite import Case
+
+TESTS = ".test.yaml"
+_BEGINS = re.compile(r"^(tests|cases)[ \t]*:", re.MULTILINE)
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> "MissionFile | None":
+    """Collect the test files of missions, but not what other tools call so."""
+    if not file_path.name.endswith(TESTS):
+        return None
+    if _BEGINS.search(file_path.read_text(encoding="utf-8", errors="replace")) is None:
+        return None
+    found: MissionFile = MissionFile.from_parent(parent, path=file_path)
+    return found
+
+
+class MissionFile(pytest.File):
+    """A test file."""
+
+    def collect(self) -> Iterator["MissionCase"]:
+        """Read its cases; what is wrong with the file is an error of the collection."""
+        from config.faults import InvalidFileError  # noqa: PLC0415 - see the head of this module
+        from missions.plugins.testing.suite import load_suite  # noqa: PLC0415
+
+        try:
+            cases = load_suite(self.path)
+        except InvalidFileError as error:
+            raise self.CollectError(str(error)) from None
+        for case in cases:
+            yield MissionCase.from_parent(self, name=case.title, case=case)
+
+
+class MissionCase(pytest.Item):
+    """One case of a test file, played in this process."""
+
+    def __init__(self, *, case: "Case", **others: Any) -> None:
+        super().__init__(**others)
+        self.case = case
+
+    def runtest(self) -> None:
+        """Play it. Raises MissionFailed when something did not come true."""
+        from missions.plugins.testing.play import play  # noqa: PLC0415
+        from missions.plugins.testing.stage import IN_PROCESS  # noqa: PLC0415
+
+        verdict = play(self.case, limits=IN_PROCESS)
+        if not verdict.passed:
+            raise MissionFailed(verdict)
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """Say what did not come true, and what happened last, instead of a traceback of ours."""
+        from missions.plugins.testing.report import failure  # noqa: PLC0415
+
+        if isinstance(excinfo.value, MissionFailed):
+            return failure(excinfo.value.verdict)
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        """Return where it stands: file, line (from 0) and title."""
+        return self.path, self.case.mark.line - 1, self.case.title
+
+
+class MissionFailed(Exception):
+    """A case of which something did not come true; ``verdict`` says what."""
+
+    def __init__(self, verdict: "Verdict") -> None:
+        super().__init__(str(verdict.case))
+        self.verdict = verdict
+
+
+@pytest.fixture
+def clock() -> "ManualClock":
+    """A clock that stands still until the test advances it."""
+    from drivers.clock import ManualClock  # noqa: PLC0415
+
+    return ManualClock()
+
+
+@pytest.fixture
+def robot(clock: "ManualClock") -> "Bench":
+    """A robot that only writes down what it is told: ``robot.put`` and ``robot.tick`` a leaf.
+
+    Then ``robot.base.commands == [drive(0.2, 0.0), STOP]`` (see missions.plugins.testing.recorders).
+    """
+    from missions.plugins.testing.recorders import Bench  # noqa: PLC0415
+
+    return Bench(clock)
+
+
+@pytest.fixture
+def world() -> "Callable[[str], World]":
+    """Return simulated worlds: ``world("living_room")``, by name or file."""
+    from config.library import find  # noqa: PLC0415
+    from config.world import load_world  # noqa: PLC0415
+    from missions.library.worlds import build_world  # noqa: PLC0415
+
+    return lambda name: build_world(load_world(find("worlds", name)))
+
+
+@pytest.fixture
+def run_mission() -> "Callable[..., Ran]":
+    """Run missions in simulated time: ``run_mission("greet", world="empty", given=["arm unplugged at 3 s"])``.
+
+    See missions.plugins.testing.ran, whose ``run_mission`` this is.
+    """
+    from missions.plugins.testing.ran import run_mission as run  # noqa: PLC0415
+
+    return run

@@ -1,0 +1,160 @@
+"""A voice that keeps what it says, eyes that see and ears that hear what a test has set."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from drivers.api import AS_USUAL, Manner, MouthShape, Priority, Voice
+from drivers.api.renamed import told_renamed
+from drivers.clock import ManualClock
+from missions.plugins.testing.recorders.spy import CANCEL, Spy
+from perception.api import Box, Face, Marker, Scene, Thing, Words
+
+
+class RecordedWords:
+    """A ``drivers.api.Utterance`` that began when it was asked for; the test sets ``ended``, and ``cancelled``."""
+
+    mouth: Sequence[MouthShape] = ()
+
+    def __init__(self, voice: "RecordedVoice") -> None:
+        self.ended = self.cancelled = False
+        self.started: float | None = voice.clock.now()
+        self._voice = voice
+
+    def done(self) -> bool:
+        """True once the test, or a cancellation, has ended it."""
+        return self.ended
+
+    def cancel(self) -> None:
+        """Keep the cancellation, and end."""
+        self.cancelled = self.cancelled or not self.ended
+        self.ended = True
+        self._voice.keep_anyway(CANCEL)
+
+
+class RecordedVoice(Spy):
+    """A ``drivers.api.Voice``: keeps each text as it is, with its manner and priority where those are not the usual.
+
+    Of a sound it keeps the path; the utterances are in ``said``.
+    """
+
+    protocol = Voice
+
+    def __init__(self, clock: ManualClock) -> None:
+        super().__init__("voice", clock)
+        self.said: list[RecordedWords] = []
+
+    def say(self, text: str, manner: Manner = AS_USUAL, priority: Priority = Priority.NORMAL) -> RecordedWords:
+        """Keep the text."""
+        usual = manner == AS_USUAL and priority is Priority.NORMAL
+        self.keep(text if usual else (text, manner, priority))
+        self.said.append(RecordedWords(self))
+        return self.said[-1]
+
+    def play(self, path: Path, priority: Priority = Priority.NORMAL) -> RecordedWords:
+        """Keep the path."""
+        self.keep(path if priority is Priority.NORMAL else (path, priority))
+        self.said.append(RecordedWords(self))
+        return self.said[-1]
+
+    def speaking(self) -> RecordedWords | None:
+        """Return the first that has not ended."""
+        return next((words for words in self.said if not words.ended), None)
+
+
+class RecordedSight:
+    """A ``perception.api.Sight``: the test sets ``seen``, ``searched`` and ``shown``."""
+
+    def __init__(self) -> None:
+        self.seen: Sequence[Face] = ()
+        self.found: Sequence[Thing] = ()
+        self.marked: Sequence[Marker] = ()
+        self.searched: float | None = 0.0
+        self.shown: Scene | None = None
+
+    def faces(self) -> Sequence[Face]:
+        """Return what the test has set."""
+        return self.seen
+
+    def things(self) -> Sequence[Thing]:
+        """Return what the test has set."""
+        return self.found
+
+    def markers(self) -> Sequence[Marker]:
+        """Return what the test has set."""
+        return self.marked
+
+    def looked(self) -> float | None:
+        """Return what the test has set."""
+        return self.searched
+
+    def scene(self) -> Scene | None:
+        """Return what the test has set."""
+        return self.shown
+
+
+class RecordedHearing:
+    """A ``perception.api.Hearing``: the test sets ``understood``, ``unknown`` and ``heard_until``, or has words said.
+
+    It hears until now, where the test has not set another time.
+    """
+
+    def __init__(self, clock: ManualClock) -> None:
+        self.understood: tuple[Words, ...] = ()
+        self.unknown: tuple[Words, ...] = ()
+        self.heard_until: float | None = None
+        self.loudness = -90.0
+        self._clock = clock
+
+    def say(self, phrase: str, *, seconds: float = 0.5, accepted: bool = True) -> Words:
+        """Have somebody say a phrase, from ``seconds`` ago until now; or something that is only near to it."""
+        now, number = self._clock.now(), len(self.understood) + len(self.unknown) + 1
+        words = Words(number, phrase, now - seconds, now, 3.0 if accepted else -3.0)
+        if accepted:
+            self.understood = (words, *self.understood)
+        else:
+            self.unknown = (words, *self.unknown)
+        return words
+
+    def words(self) -> Sequence[Words]:
+        """Return what the test has set."""
+        return self.understood
+
+    def refused(self) -> Sequence[Words]:
+        """Return what the test has set."""
+        return self.unknown
+
+    def listened(self) -> float | None:
+        """Return what the test has set, else now."""
+        return self._clock.now() if self.heard_until is None else self.heard_until
+
+    def level(self) -> float:
+        """Return what the test has set."""
+        return self.loudness
+
+
+def face(
+    stamp: float,
+    *,
+    number: int = 1,
+    bearing: float = 0.0,
+    elevation: float = 0.0,
+    yaw: float = 0.0,
+    pitch: float = 0.0,
+    drop: float | None = None,
+) -> Face:
+    """Return a face that stands still, seen at ``stamp``; angles in radians. ``drop`` is deprecated."""
+    if drop is not None:
+        told_renamed("drop", "elevation", stacklevel=3)
+        elevation = drop
+    return Face(
+        number,
+        stamp,
+        Box(300, 220, 40, 40),
+        bearing=bearing,
+        elevation=elevation,
+        yaw=yaw,
+        pitch=pitch,
+        yaw_rate=0.0,
+        pitch_rate=0.0,
+        distance=1.5,
+    )

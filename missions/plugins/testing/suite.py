@@ -1,0 +1,350 @@
+"""Test files: ``greet.test.yaml`` beside ``greet.yaml`` says which mission is tested, in which cases, and what then."""
+
+import re
+from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Mapping as Named
+from dataclasses import dataclass
+from pathlib import Path
+
+from behaviours.hearing import Listening
+from config.cases import EITHER, CommonKeys, Eyes, JudgedKeys, SuiteKeys
+from config.declared import Path as Place
+from config.declared import read_keys
+from config.faults import InvalidFileError, Mark, Source, did_you_mean, one_of
+from config.fields import Fields, read_fields
+from config.library import UnknownNameError
+from config.marked import Listing, Mapping, Node, Scalar
+from config.units import article, seen
+from missions.language.arguments import default_value
+from missions.language.nodes import MODIFIERS
+from missions.language.phrases import own_phrases
+from missions.language.plan import Step
+from missions.library.shipped import TESTS, find_mission, shipped_missions
+from missions.plugins.testing.context import Context, Setting
+from missions.plugins.testing.expectations import Expectation, read_expectations
+from missions.plugins.testing.mishaps import RUN, Mishap, read_mishap
+from missions.plugins.testing.mocks import RESULT_OF_FACE, MockSpec, fits
+from missions.plugins.testing.phrases import Phrase
+from missions.plugins.testing.script import read_script
+from perception.api import Face
+
+# What a case is given: leaves that are mocked, and what goes wrong with the robot.
+
+
+def read_given(fields: Fields, setting: Setting) -> tuple[tuple[MockSpec, ...], tuple[Mishap, ...]]:
+    """Return what the list under ``given`` means: a text is a mishap, one key with a value is a mock."""
+    mocks: list[MockSpec] = []
+    mishaps: list[Mishap] = []
+    listed = fields.node_of("given")
+    for place, node in enumerate(listed.items if isinstance(listed, Listing) else []):
+        if any(path[:2] == ("given", place) for path in fields.wrong):
+            continue
+        if isinstance(node, Mapping) and len(node.entries) == 1:
+            key, value = node.entries[0]
+            mocks.append(_mock(fields, key, value, setting))
+        elif isinstance(node, Scalar):
+            mishaps.append(_mishap(fields, node, setting))
+        else:
+            fields.fault(node.mark, "neither a mock nor something that goes wrong", EITHER)
+    return tuple(mocks), tuple(mishaps)
+
+
+def _mishap(fields: Fields, node: Scalar, setting: Setting) -> Mishap:
+    mishap = read_mishap(Phrase(fields.source, node, fields.faults), setting.unknown, setting.config.others)
+    if not mishap.state or setting.plan is None:
+        return mishap
+    if mishap.part not in setting.parts | {RUN}:
+        parts = ", ".join(sorted(setting.parts)) or "nothing"
+        hint = f"it uses {parts}"
+        fields.fault(node.mark, f"mission '{setting.plan.mission}' does not use {article(mishap.part)}", hint)
+    elif mishap.of_joint:
+        joints = setting.config.sections[mishap.part].keys.limits
+        if mishap.detail not in joints:
+            hint = one_of(mishap.detail, joints)
+            told = f"the {mishap.part} of '{setting.config.name}' has no joint {seen(mishap.detail)}"
+            fields.fault(node.mark, told, hint)
+    return mishap
+
+
+def _mock(fields: Fields, key: Scalar, value: Node, setting: Setting) -> MockSpec:
+    _check_target(fields, key, setting)
+    script, told, said = value, None, ""
+    if isinstance(value, Mapping):
+        long = Fields(fields.source, value, fields.faults, what="a mock")
+        script, result = value.get("does") or key, value.get("result")
+        if _hears(key, setting):
+            said = "" if result is None else _phrase(long, result, key, setting)
+        elif result is not None:
+            told = Fields(fields.source, result, fields.faults, what="'result'")
+    if not isinstance(script, Scalar):
+        return MockSpec(key.text, ())
+    if (with_it := re.match(r"succeeds\s+with\s+(.+)", script.text)) is not None:
+        hint = f"write {key.text}: {{does: succeeds, result: {with_it[1]}}}"
+        fields.fault(script.mark, "what a mock does and its result stand apart", hint)
+        return MockSpec(key.text, ())
+    turns = read_script(Phrase(fields.source, script, fields.faults)) if script is not key else ()
+    return MockSpec(key.text, turns, said or None if told is None else _result(told, key, setting))
+
+
+def _hears(key: Scalar, setting: Setting) -> bool:
+    """Say whether what is mocked keeps a phrase."""
+    return any(step.leaf is not None and issubclass(step.leaf, Listening) for step in _mocked(key, setting))
+
+
+def _phrase(fields: Fields, node: Node, key: Scalar, setting: Setting) -> str:
+    """Read the phrase that a mock has heard: one of those that the mission listens for there."""
+    said = node.text if isinstance(node, Scalar) else ""
+    if not said.strip():
+        fields.fault(node.mark, "'result' needs a text")
+    known = [phrase for step in _mocked(key, setting) for phrase in own_phrases(step).values()]
+    if said and said not in known:
+        hint = did_you_mean(said, known) or f"it listens for {', '.join(known)}"
+        fields.fault(node.mark, f"'{key.text}' cannot hear {seen(said)}", hint)
+    return said
+
+
+def _mocked(key: Scalar, setting: Setting) -> list[Step]:
+    """Return the steps for which a mock stands."""
+    return [step for step in (() if setting.plan is None else setting.plan.tree.walk()) if fits(key.text, step)]
+
+
+def _check_target(fields: Fields, key: Scalar, setting: Setting) -> None:
+    """Note a name that means nothing of the mission which can be mocked."""
+    if setting.plan is None or _mocked(key, setting):
+        return
+    steps = [step for step in setting.plan.tree.walk() if step.kind not in MODIFIERS]
+    known = {name for step in steps for name in (step.kind, step.name, step.text) if name and fits(name, step)}
+    message = f"mission '{setting.plan.mission}' has no behaviour {seen(key.text)}"
+    hint = did_you_mean(key.text, known) or f"mocked can be: {', '.join(sorted(known))}"
+    if setting.steps(key.text):
+        message = f"{seen(key.text)} is no name of one behaviour"
+        hint = f"give it a name of its own in the mission (name: ...), and mock that; {hint}"
+    fields.fault(key.mark, message, hint)
+
+
+def _result(told: Fields, key: Scalar, setting: Setting) -> Named[str, object]:
+    """Read what ``as`` keeps, by name; the values of a face are those of a face, and a mission's what it returns."""
+    steps = _mocked(key, setting)
+    if steps and all(step.leaf is None for step in steps):
+        return _returned(told, key, {name for step in steps for name in step.returns})
+    if any(step.leaf is not None and step.leaf.keeps is Face for step in steps):
+        return _of_face(told)
+    return {name.text: _plain(told, name, value) for name, value in told.entries()}
+
+
+def _returned(told: Fields, key: Scalar, returns: Collection[str]) -> Named[str, object]:
+    """Read what a mission returns, where a mapping stands for a face."""
+    found: dict[str, object] = {}
+    for name, value in told.entries():
+        if name.text not in returns:
+            hint = one_of(name.text, returns) or "it returns nothing"
+            told.fault(name.mark, f"'{key.text}' returns no {seen(name.text)}", hint)
+        elif isinstance(value, Mapping):
+            found[name.text] = _of_face(Fields(told.source, value, told.faults, what="a face"))
+        else:
+            found[name.text] = _plain(told, name, value)
+    return found
+
+
+def _of_face(told: Fields) -> dict[str, object]:
+    """Read what is known of a face."""
+    found: dict[str, object] = {}
+    for name, value in told.entries():
+        if name.text not in RESULT_OF_FACE:
+            told.fault(name.mark, f"a face has no {seen(name.text)}", one_of(name.text, RESULT_OF_FACE))
+        elif isinstance(value, Scalar) and name.text == "name":
+            found[name.text] = value.text
+        elif isinstance(value, Scalar) and (
+            not isinstance(default_value(value), int | float) or isinstance(value.value, bool)
+        ):
+            told.fault(value.mark, f"'{name.text}' of a face needs a number, got {seen(value.text)}")
+        else:
+            found[name.text] = _plain(told, name, value)
+    return found
+
+
+def _plain(told: Fields, name: Scalar, value: Node) -> object:
+    """Read one value."""
+    if isinstance(value, Scalar):
+        return default_value(value)
+    told.fault(value.mark, f"'{name.text}' needs one value")
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One case, checked: plain data, which can be sent to another process. ``timeout`` is in simulated seconds.
+
+    ``mission``, ``robot`` and ``world`` are names, or paths that hold wherever the process runs now.
+    """
+
+    title: str
+    source: Source
+    mark: Mark
+    mission: str
+    params: Named[str, str]
+    robot: str | None
+    world: str | None
+    seed: int
+    eyes: Eyes
+    physics: bool
+    timeout: float
+    behaviours: Sequence[Path]
+    mocks: tuple[MockSpec, ...]
+    mishaps: tuple[Mishap, ...]
+    expectations: tuple[Expectation, ...]
+
+    @property
+    def place(self) -> str:
+        """``FILE:LINE``, where it stands."""
+        return f"{self.source.name}:{self.mark.line}"
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.title}"
+
+
+def load_suite(path: Path, behaviours: Sequence[Path] = ()) -> tuple[Case, ...]:
+    """Read and check a test file, and the mission that it tests, with more files of ``behaviours`` than it names.
+
+    Raises InvalidFileError with every mistake in it, or in the mission.
+    """
+    return read_suite(read_fields(path, what="a test file", name=shown_path(path)), path.parent, behaviours)
+
+
+def read_suite(
+    fields: Fields, folder: Path, behaviours: Sequence[Path] = (), *, judged: bool = True
+) -> tuple[Case, ...]:
+    """Read the cases of a test file, whose names are relative to ``folder``; ``judged`` asks what each expects.
+
+    Raises InvalidFileError with every mistake in it, or in the mission.
+    """
+    whole = Fields(fields.source, _merged(fields.node), fields.faults, what=fields.what)
+    told = read_keys(whole, JudgedKeys if judged else SuiteKeys)
+    context = Context.read(whole, told, folder, behaviours)
+    titles: set[str] = set()
+    cases: list[Case] = []
+    listed = whole.node_of("cases")
+    nodes = listed.items if isinstance(listed, Listing) else []
+    for place, case in enumerate(told.cases):
+        wrong = [path[2:] for path in whole.wrong if path[:2] == ("cases", place)]
+        cases.append(_case(whole, nodes[place], case, wrong, context))
+        if case.case and case.case in titles:
+            fields.fault(cases[-1].mark, f"a second case '{case.case}'")
+        titles.add(case.case)
+    if not cases and not fields.faults:
+        fields.fault(fields.node.mark, "there is no case", "write 'cases:' and under it '- case: what must happen'")
+    if fields.faults:
+        raise InvalidFileError(fields.faults)
+    return tuple(cases)
+
+
+def _case(suite: Fields, node: Node, told: CommonKeys, wrong: list[Place], context: Context) -> Case:
+    """Read what the keys of a case mean; those that are ``wrong`` by themselves are passed over."""
+    fields = Fields(suite.source, node, [], what="a case")
+    fields.faults, fields.wrong = suite.faults, wrong
+    setting = context.setting(fields, told)
+    mocks, mishaps = read_given(fields, setting)
+    return Case(
+        told.case,
+        suite.source,
+        node.mark,
+        context.mission,
+        setting.params,
+        setting.robot,
+        setting.world,
+        told.seed,
+        told.eyes,
+        told.physics,
+        told.timeout,
+        context.behaviours,
+        mocks,
+        mishaps,
+        read_expectations(fields, told.expect, setting.grammar),
+    )
+
+
+def _merged(top: Node) -> Node:
+    """Return a test file in which each case has what all have in common."""
+    shared, cases = (top.get(word) if isinstance(top, Mapping) else None for word in ("with", "cases"))
+    if not isinstance(top, Mapping) or not isinstance(shared, Mapping) or not isinstance(cases, Listing):
+        return top
+    listed = Listing(cases.mark, [merged(shared, case) for case in cases.items])
+    entries = [(key, listed if value is cases else value) for key, value in top.entries if value is not shared]
+    return Mapping(top.mark, entries, top.torn)
+
+
+def merged(shared: Mapping | None, case: Node) -> Node:
+    """Return a case with what all have in common: its own keys come first, lists and mappings are joined."""
+    if shared is None or not isinstance(case, Mapping):
+        return case
+    entries = [(key, _joined(shared.get(key.text), value)) for key, value in case.entries]
+    own = {key.text for key, _ in case.entries}
+    return Mapping(case.mark, entries + [(key, value) for key, value in shared.entries if key.text not in own])
+
+
+def _joined(shared: Node | None, own: Node) -> Node:
+    if isinstance(shared, Mapping) and isinstance(own, Mapping):
+        names = {key.text for key, _ in own.entries}
+        return Mapping(own.mark, [*(each for each in shared.entries if each[0].text not in names), *own.entries])
+    if isinstance(shared, Listing) and isinstance(own, Listing):
+        return Listing(own.mark, [*shared.items, *own.items])
+    return own
+
+
+def shown_path(path: Path) -> str:
+    """Return a path as people would type it here: relative, where it lies below this folder."""
+    here = Path.cwd()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)
+
+
+def beside(mission: Path) -> Path:
+    """Return the test file that belongs to a mission's file, whether there is one or not."""
+    return mission.with_name(f"{mission.stem}{TESTS}")
+
+
+def is_test_file(path: Path) -> bool:
+    """Whether a file is a test file, by its name."""
+    return path.name.endswith(TESTS)
+
+
+# Finding test files: by path, by folder, or by the mission that they test.
+
+
+def named_tests(name: str) -> list[Path]:
+    """Return the test files that ``name`` means: itself, all in a folder and below, or the one of a mission.
+
+    Raises config.library.UnknownNameError where there is none.
+    """
+    path = Path(name)
+    if path.is_dir():
+        found = list(_below(path))
+        if not found:
+            raise UnknownNameError(f"{name}: this folder holds no tests (files that end in {TESTS})")
+        return found
+    if is_test_file(path):
+        if not path.is_file():
+            raise UnknownNameError(f"'{name}': no such file")
+        return [path]
+    here = Path(f"{name}{TESTS}")
+    if here.is_file():
+        return [here]
+    tests = beside(find_mission(name))
+    if not tests.is_file():
+        raise UnknownNameError(
+            f"mission '{name}' has no tests: there is no {tests}\n"
+            f"  try: write it, beginning with `tests: {tests.name.removesuffix(TESTS)}` and `cases:` (docs/testing.md)"
+        )
+    return [tests]
+
+
+def all_tests() -> list[Path]:
+    """Return the test files here and below; those of the library where there are none."""
+    return list(_below(Path())) or [tests for path in shipped_missions().values() if (tests := beside(path)).is_file()]
+
+
+def _below(folder: Path) -> Iterator[Path]:
+    """Test files in a folder and below, but not in hidden ones, such as a virtual environment."""
+    for path in sorted(folder.rglob(f"*{TESTS}")):
+        hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
+        if path.is_file() and not hidden:
+            yield path

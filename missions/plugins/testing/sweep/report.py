@@ -1,0 +1,72 @@
+"""The summary of a sweep as a plain table, for a terminal and for whatever reads it."""
+
+from collections.abc import Callable, Iterator, Sequence
+
+from missions.plugins.testing.sweep.bins import Rate
+from missions.plugins.testing.sweep.summary import Summary
+from missions.plugins.testing.sweep.variation import Row
+
+
+def report(summary: Summary, again: Callable[[Row], Sequence[str]]) -> str:
+    """Return the table; ``again`` gives what a run had drawn, and the command that repeats it."""
+    parts = [_overall(summary), _causes(summary), *_varied(summary), _worst(summary.worst, again)]
+    return "\n\n".join("\n".join(part) for part in parts if part)
+
+
+def percent(share: float) -> str:
+    """Write a share as people read it: 93.4 %."""
+    return f"{100 * share:.1f} %"
+
+
+def interval(rate: Rate) -> str:
+    """Write an interval: 91.7 to 94.8 %."""
+    low, high = rate.interval
+    return f"{100 * low:.1f} to {100 * high:.1f} %"
+
+
+def _overall(summary: Summary) -> list[str]:
+    rate, times = summary.rate, summary.times
+    lines = [f"success   {percent(rate.share)}   ({rate.successes} of {rate.runs}; 95 % interval {interval(rate)})"]
+    if times is not None:
+        middle = f"median {times.median:.1f} s, 5 % below {times.p5:.1f} s, 5 % above {times.p95:.1f} s"
+        lines.append(f"time      {middle}, longest {times.longest:.1f} s   (simulated, of the successes)")
+    return lines
+
+
+def _causes(summary: Summary) -> list[str]:
+    rows = [(cause.text, str(cause.runs), str(cause.seed)) for cause in summary.causes]
+    return _table(("why the others did not", "runs", "first seed"), rows) if rows else []
+
+
+def _varied(summary: Summary) -> Iterator[list[str]]:
+    for title, bins in summary.bins.items():
+        rows = [
+            (
+                each.label,
+                str(each.rate.runs),
+                *((percent(each.rate.share), interval(each.rate)) if each.rate.runs else ("", "")),
+            )
+            for each in bins
+        ]
+        yield _table((title, "runs", "success", "95 % interval"), rows)
+
+
+def _worst(rows: Sequence[Row], again: Callable[[Row], Sequence[str]]) -> list[str]:
+    lines = ["the worst runs, and how to see them"]
+    for row in rows:
+        reason = f": {row.reason}" if row.reason else ""
+        lines.append(f"  seed {row.seed}: {row.result} after {row.seconds:.1f} s{reason}")
+        lines += [f"    {line}" for line in again(row) if line]
+    return lines if rows else []
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Set out columns, the first to the left and the others to the right."""
+    widths = [max(len(row[column]) for row in (head, *rows)) for column in range(len(head))]
+    return [
+        "   ".join(
+            text.ljust(width) if column == 0 else text.rjust(width)
+            for column, (text, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in (head, *rows)
+    ]

@@ -1,0 +1,197 @@
+"""The exploration: every state that a run can come to, breadth first, so that the way to each is a shortest one."""
+
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from py_trees.common import Status
+
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
+from missions.plugins.verify.choices import Script
+from missions.plugins.verify.model import Model, State
+from missions.plugins.verify.watch import Breach
+
+GOING, HALTING, RESTED = "going", "halting", "rested"
+"""A run that is ticked; one that was told to stop and is not at rest yet; one that is."""
+
+FINE = 10
+"""States that differ in their times alone, up to which all that is known of these is kept."""
+
+
+BUSY = 40
+"""Transitions for each state of the bound: many leaves that run at once make many of one state."""
+
+
+@dataclass(slots=True)
+class Place:
+    """One state of the exploration: what is going on in it, and the step by which it was come to first.
+
+    ``kind`` is GOING, HALTING, RESTED, or for a run that has ended "success" or "failure". ``state`` is None once
+    nothing follows. ``after`` are the places to which a step leads; ``round`` says that a step from here completes a
+    round of a ``repeat: forever``.
+    """
+
+    kind: str
+    state: State | None
+    came_from: int
+    script: Script
+    depth: int
+    live: frozenset[Leaf]
+    happened: tuple[bool, ...]
+    after: set[int] = field(default_factory=set)
+    round: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A rule that was broken first here: by a step from ``place`` with these answers, towards ``kind``."""
+
+    breach: Breach
+    place: int
+    script: Script
+    halted: bool
+
+
+class Space:
+    """What an exploration has come to. ``open`` are the places from which it was not followed to the end.
+
+    It has room for ``bound`` states, and goes on until ``late`` says that its time is over.
+    """
+
+    def __init__(self, model: Model, bound: int, late: Callable[[], bool] = lambda: False) -> None:
+        self.model = model
+        self.bound = bound
+        self.out_of_time = False
+        self._late = late
+        self.places: list[Place] = []
+        self.found: dict[str, Found] = {}
+        self.transitions = 0
+        self.open: set[int] = set()
+        self._numbers: dict[object, int] = {}
+        self._timings: defaultdict[object, int] = defaultdict(int)
+        self._waiting: deque[int] = deque()
+
+    @property
+    def whole(self) -> bool:
+        """Say whether nothing was left out."""
+        return not self.open and not self.model.shuffler.sampled
+
+    @property
+    def followed(self) -> int:
+        """Ticks from the start up to which every run was followed."""
+        return min((self.places[number].depth for number in self.open), default=self.depth)
+
+    @property
+    def depth(self) -> int:
+        """Steps to the place that is farthest from the start."""
+        return self.places[-1].depth
+
+    def explore(self) -> None:
+        """Follow every choice from every state, until there is no new one, no room or no time."""
+        self._add(GOING, -1, ())
+        while self._waiting:
+            number = self._waiting.popleft()
+            if self.places[number].kind == GOING:
+                self._follow(number, halted=False)
+            self._follow(number, halted=True)
+
+    def _full(self) -> bool:
+        """Say whether there is no room left, or no time."""
+        self.out_of_time = self.out_of_time or self._late()
+        return self.out_of_time or len(self.places) > self.bound or self.transitions >= self.bound * BUSY
+
+    def _follow(self, number: int, *, halted: bool) -> None:
+        """Take every step of one kind from a place."""
+        script: Script | None = ()
+        while script is not None:
+            if self._full():
+                self.open.add(number)
+                return
+            kind = self.step(number, script, halted=halted)
+            self.transitions += 1
+            taken = self.model.oracle.script
+            for breach in self.model.watch.breaches:
+                self.found.setdefault(breach.rule, Found(breach, number, taken, halted))
+            place = self.places[number]
+            place.after.add(self._add(kind, number, taken))
+            place.round = place.round or self.model.watch.went_round
+            script = self.model.oracle.next()
+
+    def step(self, number: int, script: Script, *, halted: bool) -> str:
+        """Take one step from a place, with these answers; return of what kind the place is that it leads to."""
+        model = self.model
+        state = self.places[number].state
+        if state is not None:
+            model.put(state)
+        model.oracle.follow(script)
+        if halted:
+            kind = RESTED if model.halt() else HALTING
+        else:
+            model.tick()
+            kind = _KINDS[model.root.status]
+        if kind not in (GOING, HALTING):
+            model.watch.at_rest()
+        return kind
+
+    def _add(self, kind: str, came_from: int, script: Script) -> int:
+        """Return the number of the place that the model is at, a new one where there is none like it."""
+        model = self.model
+        live, happened = frozenset(model.watch.live), model.watch.happened
+        goes_on = kind in (GOING, HALTING)
+        state = model.state() if goes_on else None
+        key: object = (kind, live, happened)
+        if state is not None:
+            key = (kind, state)
+            if key not in self._numbers:
+                timeless = (kind, state.rows, state.variables, state.happened, state.moving)
+                self._timings[timeless] += 1
+                if self._timings[timeless] > FINE:
+                    state = model.coarser(state)
+                    key = (kind, state)
+        if key in self._numbers:
+            return self._numbers[key]
+        number = self._numbers[key] = len(self.places)
+        depth = self.places[came_from].depth + 1 if number else 0
+        self.places.append(Place(kind, state, came_from, script, depth, live, happened))
+        if goes_on:
+            self._waiting.append(number)
+        return number
+
+    def way_to(self, number: int) -> list[int]:
+        """Return the places from the start to one, both included."""
+        way = [number]
+        while (before := self.places[way[-1]].came_from) >= 0:
+            way.append(before)
+        return way[::-1]
+
+    def reachable_from(self, number: int) -> set[int]:
+        """Return the places that can follow on one, itself included."""
+        found, rest = {number}, [number]
+        while rest:
+            new = self.places[rest.pop()].after - found
+            found |= new
+            rest += new
+        return found
+
+    def can_reach(self, goals: Iterable[int]) -> set[int]:
+        """Return the places from which one of ``goals`` can be reached, themselves included."""
+        before: defaultdict[int, list[int]] = defaultdict(list)
+        for number, place in enumerate(self.places):
+            for later in place.after:
+                before[later].append(number)
+        found = set(goals)
+        rest = list(found)
+        while rest:
+            for number in before[rest.pop()]:
+                if number not in found:
+                    found.add(number)
+                    rest.append(number)
+        return found
+
+
+_KINDS: dict[Status, str] = {RUNNING: GOING, SUCCESS: "success", FAILURE: "failure"}
+
+
+def ended_by_halt(place: Place) -> bool:
+    """Say whether a place was come to by a halt instead of a tick."""
+    return place.kind in (HALTING, RESTED)

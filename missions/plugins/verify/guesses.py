@@ -1,0 +1,272 @@
+"""Values that an exploration cannot know: what the robot senses, what leaves find out, and what follows from these.
+
+What follows from params and constants is calculated as in a run; the rest is a choice, an error among its options
+where the expression can raise one. So nothing that a run could do is left out, and some things may be added that no
+run does: two conditions on one unknown variable may contradict each other.
+"""
+
+import ast
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field
+from functools import partial
+from typing import Any, Self
+
+from drivers.api.quick import dataclass
+from drivers.errors import SensorSilent
+from missions.language import reading
+from missions.language.expressions import Expression, ExpressionError, Read
+from missions.language.for_each import Members
+from missions.language.kinds import STATE
+from missions.language.reading import surely_read
+from missions.language.values import Value
+from missions.plugins.verify.choices import Oracle
+
+_FELT = (False, True)
+
+SENSORS: Mapping[str, str] = {
+    "base": "base",
+    "battery": "base",
+    "head": "head",
+    "range": "range finder",
+    "face": "camera",
+}
+"""What does not report where a part of the robot's state cannot be read."""
+
+KNOWN_ANYWAY = frozenset({"base.stopped", "base.driver"})
+"""The state that is known whether the base reports or not."""
+
+FLAGS: Mapping[str, Mapping[str, Sequence[bool | int | str | None]]] = {
+    "face": {"seen": (True, False), "undecided": (False, True)},
+    "base": {
+        **dict.fromkeys(("bumper", "cliff", "wheel_drop", "docked", "stopped"), _FELT),
+        "button": (None, 0, 1, 2),
+        "driver": ("mission", "teleop", "safety", ""),
+    },
+    "battery": dict.fromkeys(("charging", "low", "critical"), _FELT),
+}
+"""What the robot senses in so few values that each is tried; None is a button that is not pressed."""
+
+PLAIN = frozenset((bool, int, float, str))
+"""Types whose values hold no others: most of what is looked at."""
+
+MAX_COUNT = 3
+"""Whole numbers beyond this are not told apart: a mission that counts must not count for ever."""
+
+TWICE = 2
+"""Rounds that a count beyond MAX_COUNT has at least; how many more is a choice."""
+
+MAX_TEXT_LENGTH = 20
+"""Characters of a text that is kept."""
+
+
+class Unknown:
+    """A value that some leaf has found out, or a caller will give."""
+
+    def __repr__(self) -> str:
+        return "unknown"
+
+
+UNKNOWN = Unknown()
+
+
+class Many(int):
+    """A count beyond what is told apart: any run after ``least`` of them may be the last."""
+
+    oracle: Oracle
+    least: int
+
+    @classmethod
+    def of(cls, oracle: Oracle, least: int) -> Self:
+        """Return one that asks ``oracle``."""
+        made = cls(least)
+        made.oracle, made.least = oracle, least
+        return made
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, int) or isinstance(other, Many):
+            return self is other
+        return other >= self.least and self.oracle.choose((False, True), lambda last: "that was the last" * last)
+
+    def __hash__(self) -> int:
+        return id(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Several(Members):
+    """The members of a list of which nobody knows how many there are, or that are too many to be told apart."""
+
+    rounds: Many
+
+    @property
+    def count(self) -> int:
+        """See Members."""
+        return self.rounds
+
+    def member(self, place: int) -> object:
+        """See Members."""
+        del place
+        return UNKNOWN
+
+    number = member
+
+
+class Anything:
+    """An unknown value that may be the same as any other: whether it is, is a choice."""
+
+    def __init__(self, oracle: Oracle) -> None:
+        self._oracle = oracle
+
+    def __eq__(self, other: object) -> bool:
+        return self._oracle.choose((True, False), lambda same: "the value is the same" if same else "the value is new")
+
+    def __hash__(self) -> int:
+        return id(self)
+
+
+class Sensed:
+    """One part of the robot's state: its flags are choices each time that they are read."""
+
+    def __init__(self, oracle: Oracle, part: str) -> None:
+        self._oracle = oracle
+        self._part = part
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in FLAGS.get(self._part, {}):
+            raise AttributeError(name)
+        said = f"{self._part}.{name}"
+        return self._oracle.choose(FLAGS[self._part][name], partial(_is, said))
+
+
+def asks_sensor(read: Read) -> bool:
+    """Say whether what an expression reads is something that a sensor reports."""
+    return read.name in SENSORS and read.dotted not in KNOWN_ANYWAY
+
+
+def _is(name: str, value: object) -> str:
+    return f"{name} is {str(value).lower()}"
+
+
+@dataclass(frozen=True, slots=True)
+class Guess(Value):
+    """A value that is computed where all that it reads is known, and else one of ``options``.
+
+    ``blind`` ones are never computed. ``kept`` says what to make of a value that was. Of one that is ``asked`` alone
+    nothing matters but whether all that it reads is set.
+    """
+
+    oracle: Oracle = field(default_factory=Oracle)
+    options: Sequence[object] = (UNKNOWN,)
+    blind: bool = False
+    asked: bool = False
+    kept: Callable[[object], object] = lambda found: found
+    needed: frozenset[str] = field(init=False)
+    """What it surely reads. This and what follows is worked out once, and asked tens of thousands of times."""
+    sensed: bool = field(init=False)
+    sensors: Sequence[str] = field(init=False)
+    """Those that have to report: it is a choice whether they do."""
+    choices: Sequence[tuple[object, bool]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Work out what is the same each time."""
+        reads = self.template.reads if self.template is not None else ()
+        sensed = any(read.name in STATE and read.member not in FLAGS.get(read.name, ()) for read in reads)
+        choices = [(found, False) for found in self.options] + [(None, True)] * may_fail(self)
+        sensors = tuple(dict.fromkeys(SENSORS[read.name] for read in reads if asks_sensor(read)))
+        found = (("needed", surely_read(self)), ("sensed", sensed), ("choices", choices), ("sensors", sensors))
+        for name, value in found:
+            object.__setattr__(self, name, value)
+
+    def resolve(self, scope: Mapping[str, object]) -> object:
+        """See missions.language.values.Value."""
+        if not self.blind:
+            self._all_set(scope)
+        for sensor in self.sensors:
+            if not self.oracle.reports(sensor):
+                raise SensorSilent(f"the {sensor} does not report")
+        if self.asked:
+            return UNKNOWN
+        if not self.blind and not self._unknown(scope):
+            return self.kept(Value.resolve(self, scope))
+        found, failed = self.oracle.choose(self.choices, self._said)
+        if failed:
+            raise ExpressionError("cannot be calculated")
+        return found
+
+    def _all_set(self, scope: Mapping[str, object]) -> None:
+        """Raise ExpressionError for a variable that has to be there, and is not."""
+        for name in self.needed:
+            if name not in scope:
+                raise ExpressionError(f"'{name}' is not set")
+
+    def _unknown(self, scope: Mapping[str, object]) -> bool:
+        """Say whether something that it reads is unknown here."""
+        reads = self.template.reads if self.template is not None else ()
+        return self.sensed or any(holds_unknown(scope.get(read.name)) for read in reads)
+
+    def _said(self, answer: tuple[object, bool]) -> str:
+        found, failed = answer
+        if failed:
+            return f"'{wording(self)}' cannot be calculated"
+        return "" if found is UNKNOWN else f"'{wording(self)}' is {str(found).lower()}"
+
+
+def wording(value: Value) -> str:
+    """Return an expression as it is written."""
+    formula = value.template
+    if formula is None:
+        return str(value.constant)
+    if isinstance(formula, Expression):
+        return formula.text
+    return "".join(part if isinstance(part, str) else f"${{{part.text}}}" for part in formula.parts)
+
+
+def holds_unknown(value: object) -> bool:
+    """Say whether a value, or something in it, is unknown."""
+    if value is UNKNOWN:
+        return True
+    if value is None or type(value) in PLAIN:
+        return False
+    if isinstance(value, Mapping):
+        return any(map(holds_unknown, value.values()))
+    return isinstance(value, list | tuple) and any(map(holds_unknown, value))
+
+
+def widened(found: object) -> object:
+    """Return a value that was computed, or UNKNOWN where there could be too many of its kind."""
+    if found is None or isinstance(found, bool | Many):
+        return found
+    if isinstance(found, int):
+        return found if abs(found) <= MAX_COUNT else UNKNOWN
+    if isinstance(found, Mapping):
+        return {name: widened(each) for name, each in found.items()}
+    return found if isinstance(found, str) and len(found) <= MAX_TEXT_LENGTH else UNKNOWN
+
+
+def may_fail(value: Value) -> bool:
+    """Say whether computing it can raise; a conversion can, except to true or false.
+
+    Of variables by the rule of ``check``. What is sensed may be missing, which ``==``, ``not``, ``and``, ``or`` take.
+    """
+    formula = value.template
+    if formula is None:
+        return value.convert not in (None, bool)
+    parts = (formula,) if isinstance(formula, Expression) else formula.parts
+    senses = any(read.name in STATE for read in formula.reads)
+    risky = senses and any(_risky(part.tree) for part in parts if isinstance(part, Expression))
+    return value.convert not in (None, bool) or risky or reading.may_fail(value, (), ())
+
+
+def _risky(node: ast.expr) -> bool:
+    match node:
+        case ast.Constant() | ast.Name():
+            return False
+        case ast.Attribute(value=ast.Name(id=name)):
+            return name not in STATE
+        case ast.BoolOp(values=parts):
+            return any(map(_risky, parts))
+        case ast.UnaryOp(op=ast.Not(), operand=part):
+            return _risky(part)
+        case ast.Compare(left=left, ops=ops, comparators=others):
+            equal = all(isinstance(op, ast.Eq | ast.NotEq) for op in ops)
+            return not equal or any(map(_risky, (left, *others)))
+    return True

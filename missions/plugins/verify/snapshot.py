@@ -1,0 +1,227 @@
+"""Snapshots of the nodes and of variables: hashable, and equal where the future is."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from py_trees.common import Status
+
+from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS
+from behaviours.node import Node
+from missions.executive.for_each import ForEach
+from missions.executive.modifiers import Repeat, Retry
+from missions.executive.parent import Modifier
+from missions.executive.timed import ASKED_AGAIN
+from missions.plugins.verify.guesses import PLAIN, Many
+from missions.plugins.verify.instants import Instant, Timing
+from missions.plugins.verify.mocks import StandIn
+
+Row = tuple[Any, ...]
+Rows = tuple[int, ...]
+"""For each node the number of its row: its status, by its place in STATUSES, and the fields that count."""
+
+STATUSES = (IDLE, RUNNING, SUCCESS, FAILURE)
+
+
+class At(NamedTuple):
+    """An instant in a state: its place in the state's zone, and the seconds after it."""
+
+    place: int
+    offset: float
+
+
+ANY = At(-1, 0.0)
+"""The present instant, for one from which a time is waited for that nobody knows: all comparisons of it are choices."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What is kept of one node: the names of its fields, and for those that mean nothing at rest a value to put.
+
+    ``resting`` has the numbers of the rows of a node that keeps nothing from a run of it, by the places of its
+    statuses: most nodes of most states are such.
+    """
+
+    node: Node
+    parent: int | None
+    names: tuple[str, ...]
+    at_rest: tuple[tuple[bool, object], ...]
+    lasting: tuple[tuple[str, object], ...]
+    resting: dict[int, int] = field(default_factory=dict)
+
+    @property
+    def blank(self) -> bool:
+        """Say whether what would last beyond a run is as it was before the first."""
+        node = self.node
+        return not self.lasting or all(getattr(node, name) is at_rest for name, at_rest in self.lasting)
+
+    @classmethod
+    def of(cls, node: Node, parent: int | None) -> "Part":
+        """Take what ``node`` has now as what it has at rest; ``parent`` is the place of its parent among the nodes."""
+        running, lasting = declared_state(type(node))
+        names = tuple(name for name in sorted(running | lasting) if name != "result" or not _gives_anew(node))
+        at_rest = tuple((name in lasting, getattr(node, name)) for name in names)
+        lasts = tuple((name, getattr(node, name)) for name in names if name in lasting)
+        return cls(node, parent, names, at_rest, lasts)
+
+
+class Snapshots:
+    """Takes and puts back what decides the future of ``nodes``, the nodes of a tree that has not begun."""
+
+    def __init__(self, nodes: Sequence[Node], timing: Timing) -> None:
+        self._timing = timing
+        parents = {child: place for place, node in enumerate(nodes) for child in node.children}
+        self._parts = [Part.of(node, parents.get(node)) for node in nodes]
+        self._own: list[dict[str, Any]] = [vars(node) for node in nodes]
+        self._numbers: dict[tuple[tuple[str, ...], Row], int] = {}
+        self._fields: list[tuple[dict[str, Any], dict[str, At]]] = []  # by numbers: plain values, and instants
+
+    def take(self) -> tuple[Rows, dict[int, float]]:
+        """Return the rows, and the places of the instants that they refer to, in the order of their numbers.
+
+        With each comes the longest time that is waited for from it on, in seconds.
+        """
+        instants: dict[int, float] = {}
+        running: list[bool] = []
+        rows = []
+        for part in self._parts:
+            status = part.node.status
+            runs = status is RUNNING
+            running.append(runs)
+            # How a node has ended matters to a parent that runs, and to nobody else.
+            known = runs or part.parent is None or running[part.parent]
+            place = _place(status) if known else 0
+            if runs or not part.blank:
+                rows.append(self._row(part, place, instants, runs=runs))
+                continue
+            if place not in part.resting:
+                part.resting[place] = self._row(part, place, instants, runs=False)
+            rows.append(part.resting[place])
+        return tuple(rows), instants
+
+    def _row(self, part: Part, place: int, instants: dict[int, float], *, runs: bool) -> int:
+        """Return the number of the row that a node has now."""
+        node = part.node
+        row: list[object] = [place]
+        for name, (lasts, at_rest) in zip(part.names, part.at_rest, strict=True):
+            value = getattr(node, name) if runs or lasts else at_rest
+            row.append(value if value is None or value is at_rest else _kept(value, node, name, instants))
+        return self._number(tuple(row), part.names)
+
+    def _number(self, row: Row, names: tuple[str, ...]) -> int:
+        """Return the number that stands for a row: states are compared often, and mostly made of old rows."""
+        number = self._numbers.get((names, row))
+        if number is None:
+            number = self._numbers[names, row] = len(self._fields)
+            named = dict(zip(names, row[1:], strict=True))
+            instants = {name: value for name, value in named.items() if isinstance(value, At)}
+            plain = {name: value for name, value in named.items() if name not in instants}
+            self._fields.append((plain | {"status": STATUSES[row[0]]}, instants))
+        return number
+
+    def put(self, rows: Rows) -> None:
+        """Give every node its fields."""
+        for fields, number in zip(self._own, rows, strict=True):
+            plain, instants = self._fields[number]
+            fields.update(plain)
+            for name, (place, offset) in instants.items():
+                fields[name] = Instant(self._timing, place, offset)
+
+
+def declared_state(kind: type[Node]) -> tuple[frozenset[str], frozenset[str]]:
+    """Return the attributes that a class and its bases declare: those of a run, and those that last."""
+    declared = [vars(each) for each in kind.__mro__]
+    running, lasting = (
+        frozenset().union(*(each.get(name, ()) for each in declared)) for name in ("run_state", "lasting_state")
+    )
+    return running, lasting
+
+
+def _place(status: Status) -> int:
+    """Return the place of a status; found by comparing, since the hash of an enum is slow."""
+    if status is RUNNING:
+        return 1
+    return 2 if status is SUCCESS else 3 if status is FAILURE else 0
+
+
+def _gives_anew(node: Node) -> bool:
+    """Say whether a leaf's result is another at each tick before it is read, as of all that need no time to stop."""
+    return isinstance(node, StandIn) and not node.lingers
+
+
+def _kept(value: object, node: Node, name: str, instants: dict[int, float]) -> object:
+    """Return a value as it stands in a row: instants by their number, counts no higher than they matter."""
+    if isinstance(value, Instant):
+        wait = _waited(node, name)
+        if wait is None:
+            return ANY
+        instants[value.place] = max(instants.get(value.place, 0.0), wait + value.offset)
+        return At(list(instants).index(value.place), value.offset)
+    if isinstance(value, str):
+        return ""  # words for people
+    if isinstance(value, tuple):
+        return tuple(_kept(each, node, name, instants) for each in value)
+    if type(value) is int and isinstance(node, Retry | Repeat | ForEach) and name != "setting":
+        return value if type(_rounds(node)) is int else min(value, _enough(node))
+    return value
+
+
+def _waited(node: Node, name: str) -> float | None:
+    """Return how long ``node`` waits from an instant on that it keeps; None where that is known only when it starts.
+
+    A suspended node waits for the sensor timeout, and a timeout that gave up to be asked again. Another modifier waits
+    for its setting, which it forgets at rest while a cooldown goes on; what a leaf keeps is the end of a wait itself.
+    """
+    if name == "_silent_since":
+        return node.run.sensor_timeout
+    if name == "gave_up":
+        return ASKED_AGAIN
+    if not isinstance(node, Modifier):
+        return 0.0
+    seconds: Any = node.value.constant
+    return seconds if node.value.template is None else None
+
+
+def _rounds(node: Retry | Repeat | ForEach) -> object:
+    """Return how often a node does its child; None for ever."""
+    return node.setting.count if isinstance(node, ForEach) else node.setting
+
+
+def _enough(node: Retry | Repeat | ForEach) -> int:
+    """Return the count beyond which one more makes no difference."""
+    rounds = _rounds(node)
+    return rounds.least if isinstance(rounds, Many) else 0
+
+
+class Frozen(NamedTuple):
+    """A variable's value: its type, since 1 equals true, and the value itself, with lists and mappings as tuples."""
+
+    kind: type
+    value: object
+
+
+def frozen(scope: Mapping[str, object]) -> Row:
+    """Return variables in a form that can be compared and kept."""
+    return tuple((name, _freeze(scope[name])) for name in sorted(scope))
+
+
+def thawed(row: Iterable[Any]) -> dict[str, object]:
+    """Return the variables that ``frozen`` kept."""
+    return {name: _thaw(value) for name, value in row}
+
+
+def _freeze(value: object) -> Frozen:
+    if type(value) in PLAIN:
+        return Frozen(type(value), value)
+    if isinstance(value, Mapping):
+        return Frozen(dict, frozen(value))
+    if isinstance(value, list | tuple):
+        return Frozen(list, tuple(map(_freeze, value)))
+    return Frozen(type(value), value)
+
+
+def _thaw(kept: Frozen) -> object:
+    value: Any = kept.value
+    if kept.kind is dict:
+        return thawed(value)
+    return [_thaw(each) for each in value] if kept.kind is list else value

@@ -1,0 +1,41 @@
+"""The process that shows a run: ``python -m missions.plugins.view FD``, FD being its end of a socket to the run."""
+
+import asyncio
+import json
+import signal
+import socket
+import sys
+from io import TextIOWrapper
+
+from drivers.clock import SystemClock
+from missions.plugins.view.app import ViewApp
+
+MAX_MESSAGE_SIZE = 1 << 26
+"""Bytes of a message at most: the drawing of a mission with as many nodes as there may be."""
+
+
+def main() -> None:
+    """Show the run until it ends."""
+    # A Ctrl-C before the terminal is raw is for the run to hear, not for us.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    plain = "utf" not in sys.stderr.encoding.lower()
+    if plain and isinstance(sys.stderr, TextIOWrapper):
+        sys.stderr.reconfigure(errors="replace")  # otherwise whole codes stand for one sign, and lines get longer
+    with socket.socket(fileno=int(sys.argv[1])) as run:
+        asyncio.run(show(run, plain=plain))
+
+
+async def show(run: socket.socket, *, plain: bool) -> None:
+    """Show what comes from ``run`` until that closes it."""
+    reader, writer = await asyncio.open_connection(sock=run, limit=MAX_MESSAGE_SIZE)
+
+    def send(order: str) -> None:
+        writer.write(json.dumps({"do": order}).encode() + b"\n")
+
+    # Without the mouse, whose every move would go over the wire, text can be marked as ever.
+    await ViewApp(reader, send, SystemClock(), plain=plain).run_async(mouse=False)
+    writer.close()
+
+
+if __name__ == "__main__":
+    main()

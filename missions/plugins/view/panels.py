@@ -1,0 +1,350 @@
+"""What a view shows, in words: lines of text with signs, of which colours only say more of the same."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import degrees
+from typing import Any, ClassVar, NamedTuple
+
+from rich.style import Style
+from rich.text import Text
+from textual.binding import Binding, BindingType
+from textual.widgets import Tree
+from textual.widgets.tree import TreeNode
+
+from missions.trees.drawing import ACTIVE, ASCII_SIGNS, SIGNS, Box, Drawing, Now, Status
+
+STYLES: Mapping[str, str] = {
+    "idle": "#8a8a8a",
+    "running": "bold #5fb7f0",
+    "suspended": "bold #e0c060",
+    "success": "#4fc08d",
+    "skipped": "#8a8a8a",
+    "failure": "bold #f08a5d",
+}
+"""Colours for statuses that people with any kind of colour vision tell apart, as far as colours can."""
+
+DIM, GOOD, POOR, BAD = "#8a8a8a", "#4fc08d", "#e0c060", "bold #f08a5d"
+
+
+class LevelSign(NamedTuple):
+    """How a level is shown."""
+
+    sign: str
+    ascii: str
+    style: str
+
+
+LEVELS: Mapping[str, LevelSign] = {
+    "OK": LevelSign("✓", "+", GOOD),
+    "WARN": LevelSign("!", "!", POOR),
+    "ERROR": LevelSign("✗", "x", BAD),
+    "STALE": LevelSign("…", "~", POOR),
+}
+"""The levels of parts, in the words of ``missions.executive.parts``."""
+
+TROUBLE: Mapping[str, str] = {"✗": BAD, "error:": BAD, "critical:": BAD, "!": POOR, "warning:": POOR, "robot:": "bold"}
+"""Words among the first of a line of the log, and the colour that they give it."""
+
+PLAIN = str.maketrans({"✓": "+", "✗": "x", "…": "~", "°": "deg", "\N{REPLACEMENT CHARACTER}": "?"})
+"""Signs of ours where there is only ASCII."""
+
+FIGURES: Mapping[str, tuple[str, float]] = {
+    "battery": ("battery {:.0f} %", 1.0),
+    "speed": ("{:z.2f} m/s", 1.0),
+    "x": ("x {:z.2f}", 1.0),
+    "y": ("y {:z.2f} m", 1.0),
+    "heading": ("{:z.0f}°", degrees(1.0)),
+    "turn": ("{:z.0f}°/s", degrees(1.0)),
+    "pan": ("pan {:z.0f}°", degrees(1.0)),
+    "tilt": ("tilt {:z.0f}°", degrees(1.0)),
+    "nearest": ("nearest {:z.2f} m", 1.0),
+    "joints": ("{:.0f} joints", 1.0),
+    "moving": ("{:.0f} moving", 1.0),
+    "hottest": ("up to {:.0f} °C", 1.0),
+}
+"""How the figures of parts are written, in this order: a form, and what one SI unit is in it."""
+
+
+@dataclass(slots=True)
+class Scene:
+    """All that a view knows of a run; ``plain`` where its terminal has no other signs than ASCII's."""
+
+    plain: bool = False
+    mission: str = ""
+    robot: str = ""
+    t: float = 0.0
+    tick: int = 0
+    lates: int = 0
+    paused: bool = False
+    stopping: bool = False
+    inside: dict[str, str] = field(default_factory=dict)  # the names of the missions inside, by the keys of their nodes
+    nodes: dict[str, Now] = field(default_factory=dict)
+    variables: dict[str, str] = field(default_factory=dict)
+    parts: Sequence[Mapping[str, Any]] = ()
+
+    def take(self, message: Mapping[str, Any]) -> None:
+        """Take in what a message of ``missions.trees.feed`` says is new, but for the log."""
+        for name in ("t", "tick", "lates", "paused", "stopping", "parts"):
+            if name in message:
+                setattr(self, name, message[name])
+        for key, now in message.get("changed", {}).items():
+            self.nodes[key] = Now(*now)
+        for name, value in message.get("variables", {}).items():
+            self.variables[name] = value
+            if value is None:
+                del self.variables[name]
+
+    def begin(self, drawing: Drawing, robot: str) -> None:
+        """Take in what is run, on what."""
+        self.mission, self.robot = drawing.mission, robot
+        self.inside = {box.key: box.mission for box in drawing.root.walk() if box.mission}
+
+    def now(self, key: str) -> Now:
+        """Return what the node with this key is doing."""
+        return self.nodes.get(key, Now())
+
+    def sign(self, status: Status) -> str:
+        """Return the sign of a status."""
+        return (ASCII_SIGNS if self.plain else SIGNS)[status]
+
+    def newest(self, root: Box) -> str:
+        """Return the key of the leaf that has begun last of those that run; empty where none does."""
+        running = (box.key for box in root.walk() if not box.children and self.now(box.key).status in ACTIVE)
+        return max(running, key=lambda key: self.now(key).since, default="")
+
+
+def label(box: Box, scene: Scene) -> Text:
+    """Return the line of a node: its sign and title, why it is so and for how long, and its modifiers."""
+    now = scene.now(box.key)
+    line = Text(f"{box.case}: " if box.case else "", style=DIM, no_wrap=True)
+    line.append(f"{scene.sign(now.status)} {box.title}", style=STYLES[now.status])
+    seconds = int(scene.t - now.since)
+    if now.status in ACTIVE and not box.children and seconds > 0:
+        line.append(f"  {seconds} s", style=DIM)
+    if reason := _reason(box, scene):
+        line.append(f"  {reason}", style=STYLES["failure"] if now.status == "failure" else "")
+    for badge in box.badges:
+        status = scene.now(badge.key).status
+        sign = f"{scene.sign(status)} " if status == "failure" else ""
+        line.append(f"  [{sign}{badge.kind}: {badge.text}]", style=STYLES["failure"] if sign else DIM)
+    return line
+
+
+def _reason(box: Box, scene: Scene) -> str:
+    """Return why a node is as it is; first what a modifier that has failed says."""
+    badges = (scene.now(badge.key) for badge in box.badges)
+    failed = next((now.reason for now in badges if now.status == "failure" and now.reason), "")
+    return failed or scene.now(box.key).reason
+
+
+def head(scene: Scene, width: int, silence: float = 0.0) -> Text:
+    """Return the first line: which mission on what, and how it goes; ``silence`` is how long nothing came (s)."""
+    left = Text.assemble((f" {scene.mission}", "bold"), (f" on {scene.robot}" if scene.robot else "", DIM))
+    right = Text()
+    if scene.lates:
+        right.append(f"{scene.lates} late   ", style=POOR)
+    right.append(f"tick {scene.tick}   {scene.t:.1f} s   ", style=DIM)
+    if silence > 0.0:
+        right.append(f"{_level('STALE', scene)}: no news for {silence:.0f} s ", style=POOR)
+    elif scene.stopping:
+        right.append("stopping ", style=BAD)
+    elif scene.paused:
+        right.append("paused ", style=POOR)
+    else:
+        right.append("running ", style=STYLES["running"])
+    left.truncate(max(0, width - right.cell_len), pad=True)
+    return left + right
+
+
+def foot(scene: Scene) -> Text:
+    """Return the last line: the keys, and what they do now."""
+    keys = (
+        ("space", "go on" if scene.paused else "pause"),
+        *((("n", "one tick"),) if scene.paused else ()),
+        ("s", "stop at once" if scene.stopping else "stop"),
+        ("/", "search"),
+        ("f", "fold"),
+        ("r", "follow"),
+    )
+    return Text(" ") + Text("   ").join(Text.assemble((key, "bold"), (f" {does}", DIM)) for key, does in keys)
+
+
+def parts(scene: Scene) -> Text:
+    """Return a line for each part of the robot: its level, how old its reading is, and that or what is the matter."""
+    return Text("\n").join(line for part in scene.parts for line in _part(part, scene))
+
+
+def _part(part: Mapping[str, Any], scene: Scene) -> Iterator[Text]:
+    level, age = part["level"], part["age"]
+    line = Text.assemble(
+        (f"{_level(level, scene):<7} ", LEVELS[level].style),
+        f"{part['part']:<7} ",
+        (f"{'' if age is None else f'{age:.1f} s':>6}  ", DIM),
+    )
+    if part["detail"]:
+        line.append(part["detail"], style=LEVELS[level].style)
+    else:
+        line.append(_shown(figures(part["values"]), scene))
+    yield line
+    if part["hint"]:
+        yield Text(f"        try: {part['hint']}", style=DIM)
+
+
+def figures(values: Mapping[str, float]) -> str:
+    """Return the figures of a part as people read them."""
+    written = (form.format(values[name] * factor) for name, (form, factor) in FIGURES.items() if name in values)
+    return "  ".join(written)
+
+
+def variables(scene: Scene) -> Text:
+    """Return a line for each variable."""
+    lines = (Text.assemble((f"{_name(name, scene)} ", DIM), value) for name, value in scene.variables.items())
+    return Text("\n").join(lines)
+
+
+def _name(name: str, scene: Scene) -> str:
+    """Return the name of a variable; one of a mission inside, which comes with the key of its node, with its name."""
+    key, _, inner = name.rpartition(" ")
+    return f"{scene.inside.get(key, key)}: {inner}" if key else name
+
+
+def log_line(line: str, scene: Scene) -> Text:
+    """Return a line of the log, in a colour where it tells of trouble."""
+    words = line.split()
+    trouble = next((style for sign, style in TROUBLE.items() if sign in words[:4]), "")
+    return Text(_shown(line, scene), style=trouble)
+
+
+def about(box: Box, scene: Scene) -> Text:
+    """Return all of one node in a line: what the file says of it, where, and why it is as it is."""
+    arguments = ", ".join(f"{name}: {text}" for name, text in box.untold.items())
+    said = (f"{{{arguments}}}" if arguments else "", f"as {box.keep_as}" if box.keep_as else "", _reason(box, scene))
+    return Text("  ").join(
+        (Text(f" {box.file}:{box.line}", style=DIM), Text(box.title), *(Text(each) for each in said if each))
+    )
+
+
+def _shown(text: str, scene: Scene) -> str:
+    return text.translate(PLAIN) if scene.plain else text
+
+
+def _level(level: str, scene: Scene) -> str:
+    sign = LEVELS[level]
+    return f"{sign.ascii if scene.plain else sign.sign} {level}"
+
+
+# The tree of a mission on the terminal: folded and unfolded, searched, its cursor with what runs.
+
+Message = Mapping[str, Any]
+"""One of ``missions.trees.feed``."""
+
+MANY = 60
+"""Nodes from which on the missions inside are folded at first."""
+
+
+class NodeTree(Tree[Box], inherit_bindings=False):
+    """The tree of a mission; its cursor stays with what runs until somebody moves it."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up", "go('cursor_up')"),
+        Binding("down", "go('cursor_down')"),
+        Binding("pageup", "go('page_up')"),
+        Binding("pagedown", "go('page_down')"),
+        Binding("home", "go('scroll_home')"),
+        Binding("end", "go('scroll_end')"),
+        Binding("left", "scroll_left"),
+        Binding("right", "scroll_right"),
+        Binding("enter", "toggle_node"),
+    ]
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__("", id="tree")
+        self.guide_depth = 2
+        self.following = True
+        self._scene = scene
+        self._at: dict[str, TreeNode[Box]] = {}  # by the key of the box, and of its badges
+        self._words: dict[str, str] = {}
+        self._box: Box | None = None
+
+    def render_label(self, node: TreeNode[Box], base_style: Style, style: Style) -> Text:
+        """Return a line, on the cursor too in its own colours; a folded one says how much there is below."""
+        del base_style
+        line = node.label.copy() if isinstance(node.label, Text) else Text(node.label)
+        if node.data is not None and node.allow_expand and not node.is_expanded:
+            line.append(f"  ({sum(1 for _ in node.data.walk()) - 1} folded)", style=DIM)
+        line.stylize_before(style)
+        return line
+
+    def fill(self, drawing: Drawing) -> None:
+        """Show this tree from now on."""
+        self._box = drawing.root
+        many = sum(1 for _ in drawing.root.walk()) > MANY
+        self._grow(self.root, drawing.root, fold=many)
+
+    def _grow(self, node: TreeNode[Box], box: Box, *, fold: bool) -> None:
+        node.data = box
+        for key in (box.key, *(badge.key for badge in box.badges)):
+            self._at[key] = node
+        self._say(node, box)
+        for child in box.children:
+            self._grow(node.add("", allow_expand=bool(child.children)), child, fold=fold)
+        if not (fold and box.mission):
+            node.expand()
+
+    def renew(self, message: Message) -> None:
+        """Show what a message has changed, and for how long what runs has been running."""
+        changed = {self._at[key] for key in message.get("changed", ()) if key in self._at}
+        running = {self._at[key] for key, now in self._scene.nodes.items() if now.status in ACTIVE and key in self._at}
+        for node in changed | running:
+            if node.data is not None:
+                self._say(node, node.data)
+        if self.following and self._box is not None and (newest := self._scene.newest(self._box)):
+            self.show(self._at[newest], unfold=False)
+
+    def _say(self, node: TreeNode[Box], box: Box) -> None:
+        words = label(box, self._scene)
+        if self._words.get(box.key) != words.markup:
+            self._words[box.key] = words.markup
+            node.set_label(words)
+
+    def show(self, node: TreeNode[Box], *, unfold: bool) -> None:
+        """Move the cursor to a node, or to what it is folded into."""
+        above = node.parent
+        while above is not None:
+            if unfold:
+                above.expand()
+            elif not above.is_expanded:
+                node = above
+            above = above.parent
+        self.call_after_refresh(self.move_cursor, node)
+
+    def fold(self) -> None:
+        """Fold all missions inside, or unfold them where all are folded."""
+        inside = [node for node in self._at.values() if node.data is not None and node.data.mission]
+        wanted = not any(node.is_expanded for node in inside)
+        for node in inside:
+            if wanted:
+                node.expand()
+            else:
+                node.collapse()
+
+    def find(self, words: str, *, further: bool) -> bool:
+        """Move to the next node in which ``words`` stand, from the present one on; False where there is none."""
+        nodes = list(dict.fromkeys(self._at.values()))
+        here = next((place for place, node in enumerate(nodes) if node is self.cursor_node), 0) + further
+        for node in (*nodes[here:], *nodes[:here]):
+            if node.data is not None and words.casefold() in _text(node.data, self._scene).casefold():
+                self.following = False
+                self.show(node, unfold=True)
+                return True
+        return False
+
+    def action_go(self, where: str) -> None:
+        """Move the cursor, which does not stay with what runs any more."""
+        self.following = False
+        getattr(self, f"action_{where}")()
+
+
+def _text(box: Box, scene: Scene) -> str:
+    """Return all that a search looks through."""
+    return f"{label(box, scene).plain} {about(box, scene).plain}"

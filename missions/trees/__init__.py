@@ -1,0 +1,1 @@
+"""Trees of missions as text: for terminals, documents, and whoever draws them."""

@@ -1,0 +1,138 @@
+"""From a checked mission to the drawing of its tree; the drawing with statuses; the drawing with parts folded away.
+
+Kinds of nodes have signs in the notation of behaviour trees.
+"""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import chain, repeat
+from pathlib import Path
+
+from missions.language.nodes import BRANCHES, MISSION, MODIFIERS, SWITCHES
+from missions.language.plan import Plan, Step
+from missions.trees.drawing import Badge, Box, Drawing, Now
+
+CONDITION, ACTION = "◇", "■"
+"""The signs of leaves: one that only asks a part of the robot, within a tick, and one that does something."""
+
+
+def symbol_of(step: Step) -> str:
+    """Return the sign of a step that is no modifier."""
+    leaf = step.leaf
+    if leaf is None:
+        return BRANCHES[step.kind].symbol
+    return CONDITION if leaf.instant and leaf.needs and not leaf.drives else ACTION
+
+
+def legend() -> tuple[tuple[str, str, str], ...]:
+    """Return each sign with the kind of node that it stands for, and what such a node does."""
+    return (
+        *((kind.symbol, word, kind.help) for word, kind in BRANCHES.items()),
+        (CONDITION, "condition", "asks a part of the robot, and answers at once"),
+        (ACTION, "action", "does something"),
+    )
+
+
+HERE = Path(__file__).parents[1]
+"""Where the shipped missions are; a picture names their files without it."""
+
+JOINERS = "\N{ZERO WIDTH NON-JOINER}\N{ZERO WIDTH JOINER}"
+"""Signs without a width that some scripts and some emoji are written with."""
+
+
+def drawing_of(plan: Plan) -> Drawing:
+    """Return the drawing of a mission at rest. Keys are those that its nodes have when it runs."""
+    return Drawing(plan.mission, one_line(plan.summary), _file(plan.tree), _box(plan.tree, "1", ""))
+
+
+def first_values(plan: Plan) -> Mapping[str, object]:
+    """Return the values that variables have before a run: of its params, and of those of its sub-missions.
+
+    Variables of a sub-mission go by the key of its node and their name ("1.2 greeting"). A value that is calculated
+    when the sub-mission begins is left out.
+    """
+    found: dict[str, object] = dict(plan.params)
+    waiting = [(plan.tree, "1")]
+    while waiting:
+        step, key = waiting.pop()
+        waiting += [(child, f"{key}.{place}") for place, child in enumerate(step.children, start=1)]
+        if step.kind == MISSION:
+            fixed = {name: value.constant for name, value in step.arguments.items() if value.template is None}
+            found |= {f"{key} {name}": value for name, value in fixed.items() if value is not None}
+    return found
+
+
+def at(drawing: Drawing, now: Mapping[str, Now], time: float) -> Drawing:
+    """Return the drawing as it stands ``time`` seconds into a run; nodes without a status then are idle."""
+    return replace(drawing, root=_box_at(drawing.root, now), time=time)
+
+
+def folded(drawing: Drawing, depth: int) -> Drawing:
+    """Return the drawing with each sub-mission that lies in ``depth`` others, or more, as one box; 0 folds them all."""
+    return replace(drawing, root=_fold(drawing.root, depth))
+
+
+def one_line(text: str) -> str:
+    """Return ``text`` on one line, without what would break a picture or a terminal: control codes become a sign."""
+    shown = (c if c.isprintable() or c.isspace() or c in JOINERS else "\N{REPLACEMENT CHARACTER}" for c in text)
+    return " ".join("".join(shown).split())
+
+
+def _box(step: Step, key: str, case: str) -> Box:
+    """Return the box of ``step``, or of what the modifier that it is stands beside."""
+    badges: list[Badge] = []
+    while step.kind in MODIFIERS:
+        badges.append(Badge(key, step.kind, one_line(step.text), step.mark.line))
+        (step,), key = step.children, f"{key}.1"
+    inner = enumerate(zip(step.children, _cases(step), strict=False), start=1)
+    return Box(
+        key,
+        step.kind,
+        one_line(step.name),
+        symbol_of(step),
+        _file(step),
+        step.mark.line,
+        said="" if step.kind == MISSION or len(step.written) != 1 else one_line(step.text),
+        arguments={one_line(name): one_line(value) for name, value in step.written.items()},
+        badges=tuple(badges),
+        keep_as=one_line(step.keep_as or ""),
+        case=case,
+        mission=one_line(step.text) if step.kind == MISSION else "",
+        children=tuple(_box(child, f"{key}.{place}", label) for place, (child, label) in inner),
+    )
+
+
+def _cases(step: Step) -> Iterator[str]:
+    """Yield the label of each child: of a switch, its case as YAML writes it."""
+    labels = (json.dumps(case) if case is None or isinstance(case, bool) else str(case) for case in step.cases)
+    return chain(map(one_line, labels), repeat("else" if step.kind in SWITCHES else ""))
+
+
+def _file(step: Step) -> str:
+    path = Path(step.source.name)
+    return one_line(path.relative_to(HERE).as_posix() if path.is_relative_to(HERE) else step.source.name)
+
+
+def _box_at(box: Box, now: Mapping[str, Now]) -> Box:
+    children = tuple(_box_at(child, now) for child in box.children)
+    badges = tuple(_badge_at(badge, now.get(badge.key)) for badge in box.badges)
+    found = now.get(box.key)
+    if found is None:
+        return replace(box, status="idle", reason="", since=None, badges=badges, children=children)
+    reason = one_line(found.reason)
+    return replace(box, status=found.status, reason=reason, since=found.since, badges=badges, children=children)
+
+
+def _badge_at(badge: Badge, found: Now | None) -> Badge:
+    if found is None:
+        return replace(badge, status="idle", reason="")
+    return replace(badge, status=found.status, reason=one_line(found.reason))
+
+
+def _fold(box: Box, depth: int) -> Box:
+    if not box.mission:
+        return replace(box, children=tuple(_fold(child, depth) for child in box.children))
+    if depth > 0:
+        return replace(box, children=tuple(_fold(child, depth - 1) for child in box.children))
+    return replace(box, children=(), folded=box.folded + sum(child.nodes for child in box.children))

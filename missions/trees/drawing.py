@@ -1,0 +1,198 @@
+"""A mission's tree as pictures show it: plain values, which every form of picture is made from."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import field
+from typing import Literal
+
+from drivers.api.quick import dataclass
+
+Status = Literal["idle", "running", "suspended", "success", "skipped", "failure"]
+"""What a node is doing, in the words of events."""
+
+ACTIVE: frozenset[str] = frozenset({"running", "suspended"})
+"""The statuses of a node that has started and not ended."""
+
+SIGNS: Mapping[Status, str] = {
+    "idle": "○",
+    "running": "▶",
+    "suspended": "‖",
+    "success": "✓",
+    "skipped": "»",
+    "failure": "✗",
+}
+"""A sign for each status: no picture tells them apart by colour alone."""
+
+ASCII_SIGNS: Mapping[Status, str] = {
+    "idle": "o",
+    "running": ">",
+    "suspended": "=",
+    "success": "+",
+    "skipped": "/",
+    "failure": "x",
+}
+"""The same where there is no Unicode."""
+
+
+@dataclass(frozen=True, slots=True)
+class Now:
+    """What a node is doing, why, and since when (seconds of the run)."""
+
+    status: Status = "idle"
+    reason: str = ""
+    since: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Badge:
+    """A modifier, drawn on the node that it modifies: ``kind`` ("timeout"), ``text`` ("5 s"), and how it stands."""
+
+    key: str
+    kind: str
+    text: str
+    line: int
+    status: Status = "idle"
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A node that is no modifier. ``symbol`` is the sign of its kind, ``arguments`` are as the file has them.
+
+    ``said`` is what stands behind the word in the file where that is one value: then it is the one argument too.
+    ``badges`` are its modifiers, outermost first. ``mission`` is the name of the mission that a sub-mission runs, empty
+    for all others; ``case`` the value for which a switch chooses it ("else" for the default). ``since`` says when it
+    took on its status, in seconds of the run. ``folded`` counts the nodes that are hidden below it.
+    """
+
+    key: str
+    kind: str
+    name: str
+    symbol: str
+    file: str
+    line: int
+    said: str = ""
+    arguments: Mapping[str, str] = field(default_factory=dict)
+    badges: tuple[Badge, ...] = ()
+    keep_as: str = ""
+    case: str = ""
+    mission: str = ""
+    status: Status = "idle"
+    reason: str = ""
+    since: float | None = None
+    children: tuple["Box", ...] = ()
+    folded: int = 0
+
+    def walk(self) -> Iterator["Box"]:
+        """Yield it and all below it, in the order of the file."""
+        yield self
+        for child in self.children:
+            yield from child.walk()
+
+    @property
+    def nodes(self) -> int:
+        """How many nodes there are from it on, as the checker counts: modifiers too, and what is folded."""
+        return 1 + len(self.badges) + self.folded + sum(child.nodes for child in self.children)
+
+    @property
+    def title(self) -> str:
+        """What a person reads first: the name it was given, else what the file says ("gesture: hello")."""
+        return f"{self.kind}: {self.name}" if self._named else f"{self.kind}: {self.mission or self.said}".rstrip(": ")
+
+    @property
+    def untold(self) -> Mapping[str, str]:
+        """The arguments that the title does not say."""
+        return {} if self.said and not self._named else self.arguments
+
+    @property
+    def _named(self) -> bool:
+        return self.name not in (self.kind, self.mission)
+
+    @property
+    def outer(self) -> Status:
+        """What its parent sees: the status of the outermost modifier, else its own."""
+        return self.badges[0].status if self.badges else self.status
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """A whole tree, and what is told of it; ``time`` is the moment of a record that it shows, in seconds."""
+
+    mission: str
+    summary: str
+    file: str
+    root: Box
+    time: float | None = None
+
+
+# What the pictures that are text say of a node: a few short texts, on one line or below each other.
+
+
+class Labels:
+    """The words for the nodes of a drawing. Where it shows a moment of a run, statuses come first, as ``signs``."""
+
+    def __init__(self, drawing: Drawing, signs: Mapping[Status, str] = SIGNS) -> None:
+        self._file = drawing.file
+        self._live = drawing.time is not None
+        self._signs = signs
+
+    def box(self, box: Box) -> tuple[str, ...]:
+        """Return title, arguments, the variable that keeps the result, the line of the file, and how it stands."""
+        arguments = ", ".join(f"{name}: {text}" for name, text in box.untold.items())
+        texts = (
+            self.sign(box.status) + box.title,
+            f"{{{arguments}}}" if arguments else "",
+            f"as {box.keep_as}" if box.keep_as else "",
+            self._place(box.file, box.line),
+            f"and {box.folded} more below" if box.folded else "",
+            *self._state(box.status, box.since, box.reason),
+        )
+        return tuple(filter(None, texts))
+
+    def badge(self, box: Box, badge: Badge) -> tuple[str, ...]:
+        """Return the same of a modifier of ``box``."""
+        texts = (
+            f"{self.sign(badge.status)}{badge.kind}: {badge.text}",
+            self._place(box.file, badge.line),
+            *self._state(badge.status, None, badge.reason),
+        )
+        return tuple(filter(None, texts))
+
+    def sign(self, status: Status) -> str:
+        """Return what a label begins with: the sign of the status, with a blank, or nothing in a mission at rest."""
+        return f"{self._signs[status]} " if self._live else ""
+
+    def _place(self, file: str, line: int) -> str:
+        return f"(line {line})" if file == self._file else f"({file}:{line})"
+
+    def _state(self, status: Status, since: float | None, reason: str) -> Iterator[str]:
+        if since is not None and status != "idle":
+            yield f"since {since:.2f} s"
+        if reason:
+            yield f"-- {reason}"
+
+
+# The tree as lines for a terminal, in the symbols of all our pictures; modifiers stand above what they modify.
+
+
+def outline(drawing: Drawing) -> str:
+    """Return a line for each node and modifier; at a moment of a run, below a line that says of what and when."""
+    head = [] if drawing.time is None else [f"{drawing.mission} at {drawing.time:.2f} s"]
+    return "\n".join([*head, *_lines(drawing.root, Labels(drawing), "", "")]) + "\n"
+
+
+def _lines(box: Box, labels: Labels, first: str, rest: str) -> Iterator[str]:
+    """Yield the lines of a node and all below it; what branches lead to it stands before the ``first`` and the rest."""
+    said = [_badge(*labels.badge(box, badge)) for badge in box.badges]
+    title, *more = labels.box(box)
+    said.append(" ".join((box.symbol, title, *more)))
+    if box.case:
+        said[0] = f"{box.case}: {said[0]}"
+    yield first + said[0]
+    yield from (rest + line for line in said[1:])
+    for place, child in enumerate(box.children, start=1):
+        last = place == len(box.children)
+        yield from _lines(child, labels, rest + ("└─ " if last else "├─ "), rest + ("   " if last else "│  "))
+
+
+def _badge(title: str, *more: str) -> str:
+    return " ".join((f"[{title}]", *more))

@@ -1,0 +1,194 @@
+"""The run's side of a view: gathers what happens into few messages, and does what a person asks for.
+
+A message is a JSON object. The first is ``{"drawing": ..., "robot": name}``, see ``missions.trees.tree_json``;
+the others say what is new: ``changed`` statuses and reasons by the key of their node, ``variables``, ``parts``, lines
+of the ``log``. In return comes ``{"do": ...}``, with one of ``ORDERS``.
+"""
+
+import os
+import signal
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict
+from threading import Lock
+
+from behaviours.node import RUNNING, Node
+from drivers.clock import Clock
+from missions.executive.events import Event, NodeChanged, Ticked, VariableSet, status_word
+from missions.executive.executive import Executive
+from missions.executive.parts import PartState
+from missions.trees.draw import one_line
+from missions.trees.drawing import ACTIVE
+from missions.trees.words import in_words
+
+Json = dict[str, object]
+
+ORDERS = ("pause", "resume", "step", "stop", "interrupt")
+"""What a view may ask for; ``interrupt`` is a Ctrl-C, which even a run that hangs comes to hear."""
+
+STOPPED = "stopped from the view"
+"""The reason of a run that was stopped so."""
+
+ABANDONED = "the view ended while the mission was paused"
+"""The reason of a run that nobody could have resumed."""
+
+LOOK_EVERY = 0.5
+"""Seconds from one look at the parts of the robot to the next."""
+
+MOST_LINES = 1000
+"""Lines of the log that wait for a view that does not read; older ones are lost to it."""
+
+MAX_SHOWN_LENGTH = 200
+"""Characters of a value or a reason that are passed on."""
+
+
+class Feed:
+    """A listener that keeps what is the case, at hardly any cost; ``news`` says what is new of it, to one view.
+
+    ``look`` tells how the parts of the robot are, ``lines`` what there is to say of an event. With ``in_tick``, as
+    simulated time wants it, parts are looked at by the thread that tells of ticks, else by the one that fetches news.
+    """
+
+    def __init__(
+        self,
+        executive: Executive,
+        wall: Clock,
+        *,
+        look: Callable[[], Sequence[PartState]],
+        lines: Callable[[Event], Iterable[str]],
+        in_tick: bool = False,
+    ) -> None:
+        self._executive = executive
+        self._wall = wall
+        self._look = look
+        self._lines = lines
+        self._in_tick = in_tick
+        self._paused = self._over = False
+        self._tick, self._late, self._lates = 0, 0.0, 0
+        self._nodes = {node.key: node for node in executive.root.iterate() if isinstance(node, Node)}
+        self._running: dict[str, tuple[str, str, float]] = {}  # as they were told last
+        # What is to be told yet, under the lock.
+        self._changed: dict[str, tuple[str, str, float]] = {}
+        self._variables: dict[str, str | None] = {}
+        self._log: deque[str] = deque(maxlen=MOST_LINES)
+        self._parts: Sequence[PartState] | None = None
+        self._looked = float("-inf")
+        self._lock = Lock()
+
+    # --- told by the run ----------------------------------------------------------------------------------------------
+
+    def __call__(self, event: Event) -> None:
+        """Keep an event."""
+        match event:
+            case NodeChanged():
+                with self._lock:
+                    self._changed[event.node] = (event.status, _short(event.reason), event.t)
+            case VariableSet():
+                name = f"{event.scope} {event.name}".lstrip()
+                with self._lock:
+                    self._variables[name] = None if event.value is None else in_words(event.value)
+            case Ticked():
+                self._ticked(event)
+            case _:
+                pass
+        lines = [_printable(line) for line in self._lines(event)]
+        with self._lock:
+            self._log.extend(lines)
+
+    def _ticked(self, event: Ticked) -> None:
+        self._tick, self._late = event.tick, event.late or 0.0
+        self._lates += event.late is not None
+        self._over = event.status in ("success", "skipped", "failure")  # what is being closed then is no news
+        if self._in_tick:
+            self.look()
+
+    def look(self) -> None:
+        """Look at the parts of the robot, if that is due."""
+        now = self._wall.now()
+        if self._over or self._executive.stopping or now - self._looked < LOOK_EVERY:
+            return
+        self._looked = now
+        with suppress(Exception):  # what a driver has to say of itself must end neither a run nor its view
+            parts = self._look()
+            with self._lock:
+                self._parts = parts
+
+    # --- asked by the view's thread -----------------------------------------------------------------------------------
+
+    def news(self) -> Json:
+        """Return all that is new since it was asked last."""
+        if not self._in_tick:
+            self.look()
+        executive = self._executive
+        with self._lock:
+            changed, self._changed = self._changed, {}
+            self._renew_reasons(changed)
+            variables, self._variables = self._variables, {}
+            log, parts = list(self._log), self._parts
+            self._log.clear()
+            self._parts = None
+        told: Json = {
+            "t": executive.time(),
+            "tick": self._tick,
+            "late": self._late,
+            "lates": self._lates,
+            "paused": executive.paused,
+            "stopping": executive.stopping,
+        }
+        news = {"changed": changed, "variables": variables, "log": log}
+        told |= {name: value for name, value in news.items() if value}
+        if parts is not None:
+            told["parts"] = [asdict(part) for part in parts]
+        return told
+
+    def visited(self) -> list[str]:
+        """Return the keys of the nodes that the last tick has visited, and the one that goes on, so far."""
+        last = self._tick
+        return [key for key, node in self._nodes.items() if node.visited >= last]
+
+    def _renew_reasons(self, changed: dict[str, tuple[str, str, float]]) -> None:
+        """Add to what has ``changed`` the nodes that run on and have a new reason: of that there is no event."""
+        for key, now in changed.items():
+            self._running.pop(key, None)
+            if now[0] in ACTIVE:
+                self._running[key] = now
+        for key, told in self._running.items():
+            node = self._nodes.get(key)
+            if node is not None and node.status is RUNNING:
+                now = (status_word(node), _short(node.reason), told[2])
+                if now != told:
+                    changed[key] = self._running[key] = now
+
+    def do(self, message: Mapping[str, object]) -> None:
+        """Do what a view asks for; what is none of ``ORDERS`` is ignored."""
+        executive = self._executive
+        match message.get("do"):
+            case "pause":
+                self._paused = True
+                executive.pause()
+            case "resume":
+                self._paused = False
+                executive.resume()
+            case "step" if executive.paused:  # while it goes on, steps would be counted, and made once it is paused
+                executive.step()
+            case "stop":
+                executive.stop(STOPPED)
+            case "interrupt":
+                os.kill(os.getpid(), signal.SIGINT)
+            case _:
+                pass
+
+    def abandoned(self) -> None:
+        """The view has died. What a person has paused moves no more unless a person wants it, so that is stopped."""
+        if self._paused:
+            self._executive.stop(ABANDONED)
+
+
+def _short(text: str) -> str:
+    line = one_line(text)
+    return line if len(line) <= MAX_SHOWN_LENGTH else f"{line[: MAX_SHOWN_LENGTH - 1]}…"
+
+
+def _printable(line: str) -> str:
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in line.expandtabs())

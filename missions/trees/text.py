@@ -1,0 +1,142 @@
+"""The tree as py_trees dumps it: as text for terminals, and in the language of Graphviz.
+
+py_trees chooses its signs for statuses by the terminal that it finds at its import. So statuses are written into the
+names of the nodes that it dumps, in our own signs, and the same mission is the same text everywhere.
+"""
+
+from collections.abc import Iterator, Mapping
+
+from py_trees import composites, display
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status as Result
+from py_trees.decorators import PassThrough
+
+from missions.executive.composites import COMPOSITES
+from missions.language.nodes import SWITCHES
+from missions.language.plan import Plan
+from missions.trees.draw import at, drawing_of
+from missions.trees.drawing import ASCII_SIGNS, SIGNS, Box, Drawing, Labels, Now, Status
+
+# A drawing as a Mermaid flowchart, which GitHub, GitLab and many editors draw where it stands in a page.
+
+STYLES: Mapping[Status, str] = {
+    "idle": "fill:#ffffff,stroke:#858c97,color:#1d2530,stroke-dasharray:4 3",
+    "running": "fill:#eaf4fc,stroke:#0067a8,color:#1d2530,stroke-width:3px",
+    "suspended": "fill:#fdf3dc,stroke:#7a5200,color:#1d2530,stroke-width:3px,stroke-dasharray:2 3",
+    "success": "fill:#ecf7f3,stroke:#00735a,color:#1d2530",
+    "skipped": "fill:#f4f5f7,stroke:#56616d,color:#1d2530,stroke-dasharray:1 3",
+    "failure": "fill:#fdf0e9,stroke:#b3400a,color:#1d2530,stroke-width:2px",
+}
+"""Colours that go with the signs of statuses, and a border of its own for each."""
+
+_ENTITIES = str.maketrans({mark: f"#{ord(mark)};" for mark in '#"<>&`|\\'})
+"""What means something else within a label of Mermaid, as it is written there: by its number."""
+
+
+def mermaid(drawing: Drawing) -> str:
+    """Return the flowchart, from left to right; modifiers stand above what they modify, in the same box."""
+    labels = Labels(drawing)
+    live = drawing.time is not None
+    lines = ["flowchart LR"]
+    if live:
+        seldom = {"suspended", "skipped"} - {box.outer for box in drawing.root.walk()}
+        lines += [f"  classDef {status} {style}" for status, style in STYLES.items() if status not in seldom]
+    for box in drawing.root.walk():
+        said = "<br/>".join(part.translate(_ENTITIES) for part in _lines(labels, box))
+        lines.append(f'  {identifier(box.key)}["{said}"]' + (f":::{box.outer}" if live else ""))
+    lines += _links(drawing.root)
+    return "\n".join(lines) + "\n"
+
+
+def identifier(key: str) -> str:
+    """Return the key of a node as a word that is an identifier in Mermaid and in DOT: "1.2" as "n1_2"."""
+    return f"n{key.replace('.', '_')}"
+
+
+def _lines(labels: Labels, box: Box) -> Iterator[str]:
+    """Yield the lines of a box: each modifier, then the node itself with its symbol."""
+    for badge in box.badges:
+        yield " ".join(labels.badge(box, badge))
+    title, *more = labels.box(box)
+    yield f"{box.symbol} {title}"
+    yield from more
+
+
+def _links(box: Box) -> Iterator[str]:
+    for child in box.children:
+        case = f'|"{child.case.translate(_ENTITIES)}"| ' if child.case else ""
+        yield f"  {identifier(box.key)} --> {case}{identifier(child.key)}"
+        yield from _links(child)
+
+
+def text_tree(mission: Plan | Drawing, now: Mapping[str, Now] | None = None, *, ascii: bool = False) -> str:  # noqa: A002 - the name of the format
+    """Return the tree as indented text, a line for each node and modifier.
+
+    ``now`` has the statuses to show, by key; a drawing may have them already. With ``ascii`` there is nothing else in
+    it: letters that are none become "?".
+    """
+    drawing = _at(mission, now)
+    labels = Labels(drawing, ASCII_SIGNS if ascii else SIGNS)
+    root = _tree(drawing.root, {key: " ".join(texts) for key, texts in _texts(drawing, labels)})
+    if ascii:
+        return display.ascii_tree(root).encode("ascii", "replace").decode("ascii")
+    return display.unicode_tree(root)
+
+
+def dot(mission: Plan | Drawing, now: Mapping[str, Now] | None = None) -> str:
+    """Return the tree as a graph in DOT, whose nodes are named by their keys; ``now`` has the statuses to show."""
+    drawing = _at(mission, now)
+    texts = dict(_texts(drawing, Labels(drawing)))
+    names = {key: identifier(key) for key in texts}
+    graph = display.dot_tree(_tree(drawing.root, names))
+    graph.set_name("mission")
+    for key, name in names.items():
+        for node in graph.get_node(name):
+            node.set("label", _quoted("\n".join(texts[key])))
+    return str(graph.to_string())
+
+
+def _at(mission: Plan | Drawing, now: Mapping[str, Now] | None) -> Drawing:
+    drawing = mission if isinstance(mission, Drawing) else drawing_of(mission)
+    return drawing if now is None else at(drawing, now, drawing.time or 0.0)
+
+
+def _texts(drawing: Drawing, labels: Labels) -> Iterator[tuple[str, list[str]]]:
+    """Yield the key of each node and modifier with what is said of it; the outermost begins with the case it is for."""
+    for box in drawing.root.walk():
+        said = [(badge.key, [*labels.badge(box, badge)]) for badge in box.badges]
+        said.append((box.key, [*labels.box(box)]))
+        if box.case:
+            first = said[0][1]
+            first[0] = f"{box.case}: {first[0]}"
+        yield from said
+
+
+def _tree(box: Box, names: Mapping[str, str]) -> Behaviour:
+    """Return nodes of py_trees that stand for a box, its modifiers and all below it: for dumps, never to be ticked."""
+    name, children = names[box.key], [_tree(child, names) for child in box.children]
+    node: Behaviour
+    if box.kind in COMPOSITES:
+        node = COMPOSITES[box.kind](name)
+    elif box.kind in SWITCHES:
+        node = composites.Selector(name, memory=True)
+    elif children:
+        node = PassThrough(name, children[0])
+    else:
+        node = _Leaf(name)
+    node.children = children
+    for badge in reversed(box.badges):
+        node = PassThrough(names[badge.key], node)
+    return node
+
+
+class _Leaf(Behaviour):
+    """What stands in a dump for a leaf, and for a sub-mission that is folded."""
+
+    def update(self) -> Result:
+        return Result.INVALID
+
+
+def _quoted(text: str) -> str:
+    r"""Return a label in DOT, where a backslash and a quote need one before them, and the end of a line is ``\n``."""
+    return '"' + text.replace("\\", r"\\").replace('"', r"\"").replace("\n", r"\n") + '"'
