@@ -2,8 +2,10 @@
 
 import platform
 import re
-from collections.abc import Iterable
-from importlib.metadata import PackageNotFoundError, requires, version
+import sys
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
 
 OURS = "missiontree"
 
@@ -15,7 +17,7 @@ FOR_DEVELOPERS = "dev"
 def extras() -> dict[str, list[str]]:
     """Return the distributions that each extra asks for on this machine; those always needed under an empty name."""
     found: dict[str, list[str]] = {}
-    for need in requires(OURS) or ():
+    for need in _requirements():
         match = _NEED.match(need)
         elsewhere = "platform_machine" in need and platform.machine() not in need
         if match is not None and match[2] != FOR_DEVELOPERS and not elsewhere:
@@ -25,7 +27,8 @@ def extras() -> dict[str, list[str]]:
 
 def lacking(names: Iterable[str]) -> list[str]:
     """Return those of some distributions that are not installed."""
-    return [name for name in names if not _is_installed(name)]
+    found = installed()
+    return [name for name in names if _normalized(name) not in found]
 
 
 def extra_hint(extra: str, *hints: str) -> str:
@@ -34,9 +37,29 @@ def extra_hint(extra: str, *hints: str) -> str:
     return "; ".join(filter(None, [f"pip install 'missiontree[{extra}]'" if missing else "", *hints]))
 
 
-def _is_installed(name: str) -> bool:
-    try:
-        version(name)
-    except PackageNotFoundError:
-        return False
-    return True
+def installed() -> Mapping[str, Path]:
+    """Return the metadata folders of all installed distributions by normalized name, ``NAME-VERSION.dist-info``.
+
+    Each start asks for them; to import ``importlib.metadata`` takes longer than to list the folders.
+    """
+    found: dict[str, Path] = {}
+    for folder in map(Path, sys.path):
+        with suppress(OSError):
+            for info in folder.glob("*.dist-info"):
+                found.setdefault(_normalized(info.name.partition("-")[0]), info)
+    return found
+
+
+def _normalized(name: str) -> str:
+    """Return the name of a distribution as PEP 503 compares it."""
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def _requirements() -> Iterable[str]:
+    """Return the requirements of MissionTree; none if its metadata cannot be read."""
+    info, key = installed().get(OURS), "Requires-Dist: "
+    with suppress(OSError):
+        if info is not None:
+            lines = Path(info, "METADATA").read_text(encoding="utf-8").partition("\n\n")[0].splitlines()
+            return [line.removeprefix(key) for line in lines if line.startswith(key)]
+    return ()

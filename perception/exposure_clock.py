@@ -1,9 +1,9 @@
 """Times of exposure from time stamps: they rise, and a stamp that cannot be right is replaced."""
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import inf, nextafter, radians
-from statistics import median
 
 REMEMBERED, FEWEST = 9, 5
 """Pictures whose ages are remembered, and the fewest that tell the usual age."""
@@ -41,10 +41,17 @@ class ExposureClock:
         """
         time, wrong = stamp - delay, False
         if now is not None:
-            usual = median(self._ages) if len(self._ages) >= FEWEST else -inf
+            usual = _median(self._ages) if len(self._ages) >= FEWEST else -inf
             self._ages.append(now - stamp)
             if now - stamp < usual - TOO_YOUNG:
                 time, wrong = now - usual - delay, True
         wrong = wrong or time < self._last - BACK
         self._last = max(time, nextafter(self._last, inf))
         return Exposure(time, self._last, DOUBT if wrong else 0.0)
+
+
+def _median(values: Iterable[float]) -> float:
+    """Return the median; ``statistics`` would import ``decimal`` and ``fractions`` at each start."""
+    ordered = sorted(values)
+    half = len(ordered) // 2
+    return (ordered[half] + ordered[~half]) / 2

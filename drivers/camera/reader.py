@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 
 from drivers.api import Image
-from drivers.camera.causes import with_cause
 from drivers.camera.source import PICTURES, Source, advice, shown
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest, NotConnected
@@ -235,10 +234,10 @@ class ReaderFeed:
             trouble = NotConnected(
                 f"{self._name}: {self.what}: does not open within {OPEN_TIMEOUT:g} s", hint=self.hint
             )
-            raise with_cause(trouble, process.complaint, self._source)
+            raise self._with_cause(trouble, process)
         self._asked = None
         if "error" in reply:
-            raise with_cause(NotConnected(reply["error"], hint=reply["hint"]), process.complaint, self._source)
+            raise self._with_cause(NotConnected(reply["error"], hint=reply["hint"]), process)
         period: float | None = reply["period"]
         return period
 
@@ -276,6 +275,11 @@ class ReaderFeed:
         else:  # it is quicker to go on with the same process
             process.send(bytes([RELEASE]))
         self._asked = None
+
+    def _with_cause(self, trouble: NotConnected, process: ReaderProcess) -> NotConnected:
+        from drivers.camera.causes import with_cause  # noqa: PLC0415 - it imports ssl and http, for failures alone
+
+        return with_cause(trouble, process.complaint, self._source)
 
     def _wait(self, seconds: float) -> Mapping[str, Any] | None:
         """Return the next reply; None if there is none in time, or when the camera is closed meanwhile."""

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 CONNECT_TIME = 6.0
 """Seconds that the parts of a robot have to appear: a board that boots needs two, a servo bus a second."""
 
+POLL_INTERVAL = 0.05
+"""Seconds from one look at the parts to the next while a run waits for them; a picture ends it early."""
+
 REMARK_TIME = 1.0
 """Seconds after which a part that is still missing is mentioned."""
 
@@ -105,7 +108,7 @@ class Assembled:
                 details = "\n".join(f"  {detail}" for detail, _ in missing.values())
                 hints = dict.fromkeys(hint for _, hint in missing.values() if hint)
                 raise NotConnected(f"{self.name} is not complete:\n{details}", hint="\n       ".join(hints))
-            run.wait(0.02)
+            run.wait(POLL_INTERVAL)
             run.woken.clear()
             run.beat()
 

@@ -1,5 +1,8 @@
 """Which extra of MissionTree a hint suggests."""
 
+from importlib import metadata
+from pathlib import Path
+
 import pytest
 
 from drivers import extras
@@ -16,3 +19,17 @@ def test_an_installed_extra_is_not_suggested(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(extras, "lacking", lambda _: [])
     assert extra_hint("speak", "aplay -l", "", "alsamixer") == "aplay -l; alsamixer"
     assert extra_hint("speak") == ""
+
+
+def test_distributions_are_found_as_the_standard_library_finds_them() -> None:
+    named = {dist.metadata["Name"]: dist.version for dist in metadata.distributions()}
+    assert {extras._normalized(name) for name in named} <= extras.installed().keys()
+    assert extras._requirements() == metadata.requires("missiontree")
+
+
+def test_missing_metadata_means_no_requirements(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("sys.path", [str(tmp_path / "missing"), str(tmp_path)])
+    assert not extras.extras()
+    (tmp_path / "missiontree-1.0.dist-info").mkdir()
+    assert not extras.extras()
+    assert extras.lacking(["missiontree", "mcap"]) == ["mcap"]

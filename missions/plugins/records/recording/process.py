@@ -27,7 +27,6 @@ from drivers.clock import Clock, SystemClock
 from missions.library.private_files import EarlierFile, private
 from missions.plugins.records.recording.head import Contents
 from missions.plugins.records.recording.items import EVENTS, HEADER, Missed, unpacked
-from missions.plugins.records.recording.mend import NotMendedError, mend
 from missions.plugins.records.recording.writer import RecordWriter, Sink, Written
 
 FLUSH = 0.6
@@ -157,6 +156,8 @@ class Keeper:
 
     def _mend(self) -> None:
         """Give the record the index that it lacks; where the disk has no room for that, the user can do it later."""
+        from missions.plugins.records.recording.mend import NotMendedError, mend  # noqa: PLC0415 - rarely needed
+
         try:
             mend(self._path)
         except (OSError, NotMendedError) as error:
