@@ -75,6 +75,13 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="session")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder that all workers of this session share; see ``tests.shared``."""
+    base = tmp_path_factory.getbasetemp()
+    return base.parent if base.name.startswith(("worker", "popen-gw")) else base
+
+
+@pytest.fixture(scope="session")
 def homes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Iterator[Path]]:
     """Folders of this process, each to be used once; the first is the home of what several tests share."""
     base = tmp_path_factory.mktemp("home")

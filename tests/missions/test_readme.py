@@ -131,6 +131,7 @@ def alone(line: str) -> ParameterSet:
     return pytest.param(line, marks=[pytest.mark.real_time] if real else [])
 
 
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("line", [alone(line) for line in commands() if of_kind(line) == "nothing"])
 def test_each_command_of_the_readme_works(
     line: str, folder: Path, record: Path, capsys: pytest.CaptureFixture[str]

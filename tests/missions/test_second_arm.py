@@ -199,6 +199,7 @@ def test_two_arms_do_not_share_a_port() -> None:
         pair(RIGHT.replace("/dev/two", "/dev/one"))
 
 
+@pytest.mark.usefixtures("here")
 def test_what_goes_wrong_with_one_arm_is_told_by_its_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     first, second = "move_joints: {to: {elbow: 30 deg}}", "move_joints: {to: {gripper: 50 deg}, on: right_arm}"
     _, robot = written(tmp_path, f"mission: both\ntree:\n  sequence: [{{{first}}}, {{{second}, timeout: 3 s}}]\n")
@@ -227,6 +228,7 @@ tree:
 """
 
 
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("leader", ["arm", "right_arm"])
 def test_one_arm_copies_the_other_that_is_moved_by_hand(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], leader: str

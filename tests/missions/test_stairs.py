@@ -21,8 +21,9 @@ from missions.library.drivers import robot_named
 from missions.request import RunRequest
 from missions.runner import Runner, load
 from tests.missions.lone_base import LONE_ROBOT
+from tests.tries import tries
 
-STARTS = 100
+STARTS = tries(24, most=100)
 LAGS = (0.0, 0.1, 0.2)
 """Dead times of the motors in seconds; users of a Kobuki measured 0.2."""
 
@@ -155,11 +156,11 @@ def test_no_start_at_full_speed_leads_down_the_stairs(briefly: Path, lag: float)
 def test_nor_does_it_where_a_mission_tries_again_and_again(tmp_path: Path) -> None:
     mission = tmp_path / "stubborn.yaml"
     mission.write_text(STUBBORN)
-    assert falls(mission, "turtlebot2", 0.1, range(10)) == []
+    assert falls(mission, "turtlebot2", 0.1, range(tries(3, most=10))) == []
 
 
 def test_a_faster_robot_stops_too_whose_motors_obey_at_once_and_that_comes_straight(briefly: Path) -> None:
-    for seed in range(20):
+    for seed in range(tries(8, most=20)):
         random = Random(f"straight {seed}")  # noqa: S311 - chance, not a secret
         start = Pose2D(random.uniform(0.0, 1.2), random.uniform(-1.2, 0.6), random.uniform(-0.6, 0.6))
         drops: list[float] = []

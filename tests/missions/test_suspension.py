@@ -28,6 +28,8 @@ from tests.missions.command import Outcome, command
 from tests.missions.records.replay.past import past_of_case
 from tests.tries import tries
 
+pytestmark = pytest.mark.usefixtures("here")
+
 TREES = tries(60, most=200)
 FIRST_SEED = 510_000
 TICKS = 30

@@ -15,6 +15,7 @@ import yaml
 from drivers.clock import SystemClock
 from drivers.virtual.terminal import Terminal
 from tests.drivers.desks import RecordedMachine
+from tests.shared import made_once
 
 pytestmark = pytest.mark.long
 
@@ -35,11 +36,13 @@ def install(into: Path, *sources: Path) -> None:
     subprocess.run([*pip, *map(str, sources)], check=True, capture_output=True, text=True)
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """MissionTree and the sample, installed beside each other, apart from this folder."""
-    folder = tmp_path_factory.mktemp("site")
-    install(folder, Path(__file__).parents[3], SAMPLE)
+@pytest.fixture(scope="session")
+def site(shared: Path) -> Path:
+    """MissionTree and the sample, installed beside each other, apart from this folder: once for all workers."""
+    folder = shared / "site"
+    with made_once(folder) as missing:
+        if missing:
+            install(folder, Path(__file__).parents[3], SAMPLE)
     return folder
 
 

@@ -119,6 +119,7 @@ def test_the_page_says_nothing_of_the_machine_that_it_was_made_on_and_can_be_rea
     assert "prefers-color-scheme: dark" in text
 
 
+@pytest.mark.usefixtures("here")
 def test_the_command_tells_and_writes_it(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     outcome = command(capsys, "test", "door", "--coverage", "--coverage-page", "tried.html")
     assert outcome.code == 0

@@ -18,7 +18,7 @@ from missions.plugins.testing.play import Verdict
 from missions.plugins.testing.report import junit
 from missions.plugins.testing.suite import all_tests, load_suite, named_tests
 from tests.missions.command import command
-from tests.missions.testing.playing import WAITS, cases, play_here, seen, write
+from tests.missions.testing.playing import WAITS, cases, seen, write
 
 TWO = """tests: nap
 cases:
@@ -36,11 +36,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write(tmp_path, NAP)
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-@pytest.fixture
-def here(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("missions.plugins.testing.commands.test.play_all", play_here)
 
 
 FETCH = {
