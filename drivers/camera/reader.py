@@ -10,76 +10,25 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from select import POLLIN, poll
-from threading import Event
+from struct import Struct
+from threading import Event, Lock
 from typing import Any
 
 import numpy as np
 
 from drivers.api import Image
-from drivers.camera.source import PICTURES, Source, advice, shown
+from drivers.camera.source import Source, advice, shown
 from drivers.clock import SystemClock
-from drivers.errors import BadRequest, NotConnected
-from drivers.pictures.decode import FFMPEG_LOG_LEVEL, NOTHING, SILENT, UNWANTED, load
+from drivers.errors import NotConnected
+from drivers.pictures.decode import FFMPEG_LOG_LEVEL, NOTHING, SILENT, UNWANTED
 from drivers.transport.pipe import Unframer, frame
 
-# The pictures of a folder, or one picture, at a steady rate.
-
-
-class FolderFeed:
-    """The pictures of a folder in the order of their names, or one picture. Files that do not decode are skipped.
-
-    So are those with too many pixels (``decode.MOST_PIXELS``). Where nothing else is there, the first one is told.
-    """
-
-    def __init__(self, name: str, path: str | Path, rate: float) -> None:
-        self._name = name
-        self._path = Path(path)
-        self._rate = rate
-        self._left: Iterator[Path] = iter(())
-        self._shown = False
-        self._trouble: BadRequest | None = None
-
-    def start(self) -> float:
-        """List the folder anew; return the seconds between pictures. Raises NotConnected when it holds none."""
-        if not self._path.exists():
-            hint = f"`ls {self._path.parent}` lists what is there"
-            raise NotConnected(f"{self._name}: {self._path}: no such file or folder", hint=hint)
-        if self._path.is_dir():
-            found = sorted(path for path in self._path.iterdir() if path.suffix.lower() in PICTURES)
-        else:
-            found = [self._path]
-        if not found:
-            kinds = " ".join(sorted(PICTURES))
-            raise NotConnected(f"{self._name}: {self._path}: holds no pictures", hint=f"pictures end in {kinds}")
-        self._left, self._shown, self._trouble = iter(found), False, None
-        return 1.0 / self._rate
-
-    def grab(self, wanted: Callable[[], bool]) -> Image | None:
-        """Return the next picture that decodes, None after the last: see Feed. Raises NotConnected where none does."""
-        for path in self._left:
-            if not wanted():
-                return UNWANTED
-            try:
-                image = load(path)
-            except BadRequest as error:
-                self._trouble = self._trouble or error
-            else:
-                self._shown = True
-                return image
-        if self._trouble is not None and not self._shown:
-            raise NotConnected(f"{self._name}: gives no picture: {self._trouble}", hint=self._trouble.hint)
-        return None
-
-    def stop(self) -> None:
-        """Forget the list."""
-        self._left = iter(())
-
-
-GLANCE = 0.1
+GLANCE = 0.2
 """Seconds that ``grab`` waits at most."""
 
 OPEN_TIMEOUT = 12.0
@@ -91,9 +40,13 @@ STALL_TIMEOUT = 6.0
 QUIT_TIMEOUT = 0.5
 """Seconds that a reader has to release its source."""
 
-START, GRAB, TAKE, PASS, RELEASE, QUIT = b"sgtpxq"
-"""The commands of a reader, a byte each: open the source, wait for the next picture, hand it over or let it go by,
-release the source, end."""
+START, GRAB, FROM, RELEASE, QUIT = b"sgfxq"
+"""The commands of a reader, a byte each: open the source, hand over the next picture that is needed, release the
+source, end. ``FROM`` is followed by the number, counted from the start, of the first picture that is needed."""
+
+NUMBER = Struct(">I")
+
+_LAST = 2**32 - 1
 
 _KEPT_COMPLAINT = 4000
 """Bytes that are kept of what a reader writes to its standard error."""
@@ -201,7 +154,11 @@ class ReaderFeed:
                        "rate": rate}  # fmt: skip
         self._clock = SystemClock()
         self._process: ReaderProcess | None = None
+        self._using = Lock()  # over the process: it is not closed while another thread sends to it
         self._asked: float | None = None  # when the picture was asked for that has not come
+        self._count = 0  # pictures since the start
+        self._first = 0  # the first of them that the reader was told to hand over
+        self._results = deque[Image | None]()  # of the reader, which ``grab`` has not returned yet
         self._ending = Event()
 
     @property
@@ -227,7 +184,9 @@ class ReaderFeed:
                 f"{self._name}: {self.what}: no process to read it: {error}", hint="ulimit -u"
             ) from error
         process.complaint = b""
-        process.send(bytes([START]))
+        self._count = self._first = 0
+        self._results.clear()
+        process.send(bytes([FROM, *NUMBER.pack(0), START]))
         self._asked = self._clock.now()
         reply = self._wait(OPEN_TIMEOUT)
         if reply is None:
@@ -241,28 +200,39 @@ class ReaderFeed:
         period: float | None = reply["period"]
         return period
 
-    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+    def grab(self, spare: Callable[[], int]) -> Image | None:
         """Return the next picture, NOTHING if none comes for a moment, None when there is no more: see Feed."""
-        process = self._process
-        if process is None:
-            return None
-        if self._asked is None:
-            process.send(bytes([GRAB]))
-            self._asked = self._clock.now()
-        reply = self._reply(process, GLANCE)
-        if reply is None:
-            return NOTHING if self._clock.now() - self._asked < STALL_TIMEOUT else None
-        if "came" in reply:
-            if not wanted():
-                process.send(bytes([PASS]))
-                self._asked = None
-                return UNWANTED
-            process.send(bytes([TAKE]))
-            return NOTHING  # it is being decoded
-        self._asked = None
-        if "error" in reply:
-            raise NotConnected(reply["error"], hint=reply["hint"])
-        return process.picture(reply["shape"]) if "shape" in reply else None
+        if not self._results:
+            if (process := self._process) is None:
+                return None
+            self.let_by(spare())
+            if self._asked is None:
+                process.send(bytes([GRAB]))
+                self._asked = self._clock.now()
+            reply = self._reply(process, GLANCE)
+            if reply is None:
+                return NOTHING if self._clock.now() - self._asked < STALL_TIMEOUT else None
+            self._asked = None
+            if "error" in reply:
+                raise NotConnected(reply["error"], hint=reply["hint"])
+            self._results += [UNWANTED] * reply["gone_by"]
+            if reply["shape"] is not None:
+                self._results.append(process.picture(reply["shape"]))
+            elif reply["ended"]:
+                self._results.append(None)
+        self._count += 1
+        return self._results.popleft()
+
+    def let_by(self, pictures: int) -> None:
+        """Let so many of the next pictures go by without decoding them, instead of as many as before. From any thread.
+
+        The reader counts by itself: to ask for each picture whether it is needed would wake both programs twice.
+        """
+        with self._using:
+            first = min(self._count + pictures, _LAST)
+            if self._process is not None and max(first, self._first) > self._count and first != self._first:
+                self._first = first
+                self._process.send(bytes([FROM, *NUMBER.pack(first)]))
 
     def stop(self) -> None:
         """Release the source. Safe from any state, more than once."""
@@ -270,11 +240,15 @@ class ReaderFeed:
         if process is None:
             return
         if self._ending.is_set() or self._asked is not None:
-            self._process = None
-            process.close(orderly=self._asked is None)
+            self._close(process, orderly=self._asked is None)
         else:  # it is quicker to go on with the same process
             process.send(bytes([RELEASE]))
         self._asked = None
+
+    def _close(self, process: ReaderProcess, *, orderly: bool) -> None:
+        with self._using:
+            self._process = None
+        process.close(orderly=orderly)
 
     def _with_cause(self, trouble: NotConnected, process: ReaderProcess) -> NotConnected:
         from drivers.camera.causes import with_cause  # noqa: PLC0415 - it imports ssl and http, for failures alone
@@ -295,8 +269,7 @@ class ReaderFeed:
             return process.reply(patience)
         except (EOFError, ValueError) as error:
             how = process.ending()
-            self._process = None
-            process.close(orderly=False)
+            self._close(process, orderly=False)
             what = f"{self._name}: {self.what}: the process that reads it {how}"
             raise NotConnected(what, hint=self.hint) from error
 

@@ -3,22 +3,28 @@
 It ends at once when its standard input does, also while it is stuck in C: none outlives its run.
 """
 
+import gc
 import mmap
 import os
 import sys
-from collections.abc import Callable, Mapping
-from queue import Queue
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from queue import SimpleQueue
 from threading import Thread
 from typing import Any, Protocol
 
 import numpy as np
 
 from drivers.api import Image
-from drivers.camera.reader import GRAB, QUIT, RELEASE, START, TAKE
-from drivers.camera.source import Kind, kind_of
-from drivers.errors import DriverError
-from drivers.pictures.decode import UNWANTED
+from drivers.camera.reader import FROM, GRAB, NUMBER, QUIT, RELEASE, START
+from drivers.camera.source import PICTURES, Kind, kind_of
+from drivers.errors import BadRequest, DriverError, NotConnected
+from drivers.pictures.decode import UNWANTED, load
 from drivers.transport.pipe import Unframer, frame
+
+REPORT_INTERVAL = 0.5
+"""Seconds after which a reader reports pictures of a live source that it has let go by."""
 
 
 class BlockingFeed(Protocol):
@@ -41,12 +47,10 @@ def feed_of(order: Mapping[str, Any]) -> BlockingFeed:
     """Return what reads the source of an order."""
     name, source, kind = order["name"], order["source"], kind_of(order["source"])
     if kind in {Kind.FOLDER, Kind.PICTURE}:
-        from drivers.camera.reader import FolderFeed  # noqa: PLC0415 - each process has one kind of source
-
         return FolderFeed(name, source, order["rate"])
     scheme = str(source).partition("://")[0].lower() if kind is Kind.URL else ""
     if scheme in {"http", "https"}:
-        from drivers.camera.web import WebFeed  # noqa: PLC0415
+        from drivers.camera.web import WebFeed  # noqa: PLC0415 - each process has one kind of source
 
         return WebFeed(name, source)
     if scheme == "tcp":
@@ -58,42 +62,105 @@ def feed_of(order: Mapping[str, Any]) -> BlockingFeed:
     return VideoFeed(name, source, order["size"])
 
 
-class Reader:
-    """Does what it is told, command by command."""
+class FolderFeed:
+    """The pictures of a folder in the order of their names, or one picture. Files that do not decode are skipped.
 
-    def __init__(self, feed: BlockingFeed, memory: int, out: int, commands: "Queue[int]") -> None:
-        self._feed = feed
+    So are those with too many pixels (``decode.MOST_PIXELS``). Where nothing else is there, the first one is told.
+    """
+
+    def __init__(self, name: str, path: str | Path, rate: float) -> None:
+        self._name = name
+        self._path = Path(path)
+        self._rate = rate
+        self._left: Iterator[Path] = iter(())
+        self._shown = False
+        self._trouble: BadRequest | None = None
+
+    def start(self) -> float:
+        """List the folder anew; return the seconds between pictures. Raises NotConnected when it holds none."""
+        if not self._path.exists():
+            hint = f"`ls {self._path.parent}` lists what is there"
+            raise NotConnected(f"{self._name}: {self._path}: no such file or folder", hint=hint)
+        if self._path.is_dir():
+            found = sorted(path for path in self._path.iterdir() if path.suffix.lower() in PICTURES)
+        else:
+            found = [self._path]
+        if not found:
+            kinds = " ".join(sorted(PICTURES))
+            raise NotConnected(f"{self._name}: {self._path}: holds no pictures", hint=f"pictures end in {kinds}")
+        self._left, self._shown, self._trouble = iter(found), False, None
+        return 1.0 / self._rate
+
+    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+        """Return the next picture that decodes, None after the last: see Feed. Raises NotConnected where none does."""
+        for path in self._left:
+            if not wanted():
+                return UNWANTED
+            try:
+                image = load(path)
+            except BadRequest as error:
+                self._trouble = self._trouble or error
+            else:
+                self._shown = True
+                return image
+        if self._trouble is not None and not self._shown:
+            raise NotConnected(f"{self._name}: gives no picture: {self._trouble}", hint=self._trouble.hint)
+        return None
+
+    def stop(self) -> None:
+        """Forget the list."""
+        self._left = iter(())
+
+
+class Reader:
+    """Obeys ``commands``, one after the other, and ``first``: another thread sets both at any time."""
+
+    def __init__(self, memory: int, out: int) -> None:
+        self.commands = SimpleQueue[int]()
+        self.first = 0  # the number of the first picture that is needed, counted from the start
         self._memory = memory
         self._out = out
-        self._commands = commands
         self._map: mmap.mmap | None = None
+        self._count = 0
+        self._is_live = True
 
-    def run(self) -> None:
+    def run(self, feed: BlockingFeed) -> None:
         """Obey until it is told to end."""
-        while (command := self._commands.get()) != QUIT:
+        while (command := self.commands.get()) != QUIT:
             try:
                 if command == START:
-                    self._feed.stop()
-                    self._tell(period=self._feed.start())
+                    feed.stop()
+                    self._count = 0
+                    period = feed.start()
+                    self._is_live = period is None
+                    self._tell(period=period)
                 elif command == RELEASE:
-                    self._feed.stop()
+                    feed.stop()
                 elif command == GRAB:
-                    self._grab()
+                    self._grab(feed)
             except DriverError as error:
                 self._tell(error=str(error), hint=error.hint)
-        self._feed.stop()
+        feed.stop()
 
-    def _grab(self) -> None:
-        image = self._feed.grab(self._wanted)
-        if image is None:
-            self._tell(end=True)
-        elif image is not UNWANTED:
+    def _grab(self, feed: BlockingFeed) -> None:
+        """Hand over the next picture that is needed; tell after a while, or for a recording at once, that some are not.
+
+        The pictures of a recording are paced by the run.
+        """
+        before, report_at = self._count, time.monotonic() + (REPORT_INTERVAL if self._is_live else 0.0)
+        while (image := feed.grab(self._wanted)) is UNWANTED:
+            self._count += 1
+            if time.monotonic() >= report_at:
+                break
+        gone_by, shape = self._count - before, None
+        if image is not None and image is not UNWANTED:
+            self._count += 1
             self._share(image)
-            self._tell(shape=image.shape[:2])
+            shape = image.shape[:2]
+        self._tell(gone_by=gone_by, shape=shape, ended=image is None)
 
     def _wanted(self) -> bool:
-        self._tell(came=True)
-        return self._commands.get() == TAKE
+        return self._count >= self.first
 
     def _share(self, image: Image) -> None:
         if self._map is None or len(self._map) < image.nbytes:
@@ -116,16 +183,26 @@ def main() -> None:
             return
         for message, _ in unframer.feed(data):
             order = message
-    commands = Queue[int]()
-    Thread(target=_listen, args=(commands,), daemon=True).start()
-    Reader(feed_of(order), order["memory"], out, commands).run()
+    reader = Reader(order["memory"], out)
+    Thread(target=_listen, args=(reader,), daemon=True).start()
+    gc.disable()  # while modules are imported, which stay
+    feed = feed_of(order)
+    gc.freeze()
+    gc.enable()
+    reader.run(feed)
 
 
-def _listen(commands: "Queue[int]") -> None:
+def _listen(reader: Reader) -> None:
     """Pass commands on; the end of the input, and so of the run, ends this process, whatever it does."""
-    while data := os.read(0, 64):
-        for command in data:
-            commands.put(command)
+    data = b""
+    while more := os.read(0, 64):
+        data += more
+        while data and (data[0] != FROM or len(data) > NUMBER.size):
+            if data[0] == FROM:
+                (reader.first,) = NUMBER.unpack_from(data, 1)
+            else:
+                reader.commands.put(data[0])
+            data = data[1 + NUMBER.size if data[0] == FROM else 1 :]
     os._exit(0)
 
 

@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable
 from math import inf
 from threading import Condition, Event, Thread
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -150,10 +150,10 @@ class Feed(Protocol):
         """
         ...
 
-    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+    def grab(self, spare: Callable[[], int]) -> Image | None:
         """Return the next picture; ``NOTHING`` when none has come for a moment; None when there is no more.
 
-        Once it is there, ``wanted`` says whether anybody needs it; else it is ``UNWANTED``, and is not decoded.
+        ``spare`` returns how many of the next pictures nobody needs: those are ``UNWANTED``, and are not decoded.
         """
         ...
 
@@ -162,11 +162,23 @@ class Feed(Protocol):
         ...
 
 
+@runtime_checkable
+class CountingFeed(Protocol):
+    """A feed that does not ask ``spare`` for each picture, so it has to hear when the answer changes."""
+
+    def let_by(self, pictures: int) -> None:
+        """Let so many of the next pictures go by, instead of as many as before. From any thread."""
+        ...
+
+
 _GLANCE = 0.1
 """Seconds between looks at the clock while a recording waits; no waiting can be matched to a simulated clock."""
 
 _UNREAD = 1.0
 """Seconds after which pictures that nobody reads go by without being decoded."""
+
+UNREAD_PICTURES = 1_000_000
+"""How many go by then, if nobody reads meanwhile: those of some hours."""
 
 SILENCE = 2.0
 """Seconds without a picture after which a camera counts as offline."""
@@ -201,6 +213,7 @@ class Capture:
         self._turn = turn
         self._name = name
         self._feed = feed
+        self._counting = feed if isinstance(feed, CountingFeed) else None
         self._clock = clock
         self._loop = loop
         self._retry = retry
@@ -234,7 +247,10 @@ class Capture:
     def read(self, timeout: float) -> CameraFrame | None:
         """Return the newest frame once it is newer than the last one given; None after ``timeout`` seconds."""
         with self._arrived:
+            slept = not self._read_lately()
             self._read_at = inf  # for as long as it waits, which may be longer than a camera takes to start
+            if slept:
+                self._update_spare()
             self._arrived.wait_for(lambda: self._ending.is_set() or self._newest() is not None, timeout)
             self._read_at = self._clock.now()
             frame = None if self._ending.is_set() else self._newest()
@@ -251,6 +267,7 @@ class Capture:
         """Let so many pictures go by after the last one given: none of them is decoded."""
         with self._arrived:
             self._given += pictures
+            self._update_spare()
 
     def health(self) -> Health:
         """Say whether pictures arrive, and if not, why."""
@@ -301,7 +318,7 @@ class Capture:
         self._freshness.restart()
         before = self._frames
         self._silence = max(SILENCE, 3 * (period or 0.0))
-        while (image := self._feed.grab(self._wanted)) is not None:
+        while (image := self._feed.grab(self._spare)) is not None:
             if image is NOTHING and not self._ending.is_set():
                 if (silent := self._silent()) is not None:
                     self._lost(silent)
@@ -326,9 +343,13 @@ class Capture:
         self._ending.wait()
         return None
 
-    def _wanted(self) -> bool:
-        """Say whether anybody needs the next picture."""
-        return self._read_lately() and self._frames > self._given
+    def _spare(self) -> int:
+        """Return how many of the next pictures nobody needs."""
+        return max(0, self._given + 1 - self._frames) if self._read_lately() else UNREAD_PICTURES
+
+    def _update_spare(self) -> None:
+        if self._counting is not None:
+            self._counting.let_by(self._spare())
 
     def _read_lately(self) -> bool:
         return self._clock.now() - self._read_at <= _UNREAD

@@ -81,14 +81,14 @@ class TopicFeed:
             raise absent("camera", self._channel, self._faults.why(0))
         return None
 
-    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+    def grab(self, spare: Callable[[], int]) -> Image | None:
         """Return the next picture; None when none has come for a while, or the session is lost: see Feed."""
         for _ in range(round(SILENT_AFTER / PATIENCE)):
             found = self._next()
             if found is None:
                 return None
             for payload in found[-1:]:
-                if not wanted():
+                if spare() > 0:
                     return UNWANTED
                 try:
                     return picture(self._kind, payload)

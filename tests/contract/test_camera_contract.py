@@ -48,11 +48,11 @@ class Cable:
             raise NotConnected(f"camera: {self.what}: no such device", hint=self.hint)
         return None
 
-    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+    def grab(self, spare: Callable[[], int]) -> Image | None:
         Event().wait(PERIOD)
         if not self.plugged:
             return None
-        return picture(self._clock.now()) if wanted() else UNWANTED
+        return UNWANTED if spare() else picture(self._clock.now())
 
     def stop(self) -> None:
         """Hold nothing that would have to be let go."""

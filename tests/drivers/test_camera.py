@@ -171,9 +171,9 @@ class Webcam:
             raise NotConnected("eye: /dev/eye: no such device", hint="plug it in")
         return None
 
-    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+    def grab(self, spare: Callable[[], int]) -> Image | None:
         image = self.pictures.get()
-        return image if image is None or wanted() else UNWANTED
+        return UNWANTED if image is not None and spare() else image
 
     def stop(self) -> None:
         self.stopped.set()
@@ -208,10 +208,10 @@ def test_a_camera_that_is_unplugged_comes_back_by_itself() -> None:
 
 def test_a_source_that_fails_is_reported_and_started_again(caplog: pytest.LogCaptureFixture) -> None:
     class Broken(Webcam):
-        def grab(self, wanted: Callable[[], bool]) -> Image | None:
+        def grab(self, spare: Callable[[], int]) -> Image | None:
             if not self.pictures.qsize():
                 raise ValueError("not a picture")
-            return super().grab(wanted)
+            return super().grab(spare)
 
     feed = Broken()
     feed.present.set()

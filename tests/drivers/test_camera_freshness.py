@@ -117,9 +117,9 @@ class Live:
     def start(self, ending: Event) -> float | None:  # noqa: ARG002 - it waits for nothing
         return None
 
-    def grab(self, wanted: Callable[[], bool]) -> Image | None:
+    def grab(self, spare: Callable[[], int]) -> Image | None:
         image = self.pictures.get()
-        return image if image is None or wanted() else UNWANTED
+        return UNWANTED if image is not None and spare() else image
 
     def stop(self) -> None:
         """Hold nothing that would have to be let go."""
@@ -201,8 +201,8 @@ class Counting(Live):
         super().__init__()
         self.decoded = self.gone_by = 0
 
-    def grab(self, wanted: Callable[[], bool]) -> Image | None:
-        image = super().grab(wanted)
+    def grab(self, spare: Callable[[], int]) -> Image | None:
+        image = super().grab(spare)
         self.decoded += image is not None and image is not UNWANTED
         self.gone_by += image is UNWANTED
         return image

@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from http.client import HTTPResponse
 from pathlib import Path
 from queue import Queue
+from threading import Event
 
 import cv2
 import numpy as np
@@ -22,7 +23,8 @@ from drivers.camera.make import open_source
 from drivers.camera.web import WebFeed
 from drivers.clock import SystemClock
 from drivers.pictures import decode
-from drivers.pictures.capture import ThreadedCamera
+from drivers.pictures.capture import UNREAD_PICTURES, ThreadedCamera
+from drivers.pictures.decode import NOTHING, UNWANTED
 from tests.drivers.web_cameras import MJPEG, OK, Connection, WebCamera, answer, jpeg, part
 from tests.waiting import wait_until
 
@@ -516,3 +518,34 @@ def test_a_certificate_that_nobody_trusts_is_explained(tmp_path: Path) -> None:
 )
 def test_no_secret_of_an_address_is_shown(address: str, safe: str) -> None:
     assert without_secrets(address) == safe
+
+
+def test_a_reader_lets_as_many_pictures_by_as_it_was_told() -> None:
+    first, decoded = 0, list[bool]()  # the number of the first picture needed; of each picture, whether it was decoded
+
+    def spare() -> int:
+        return max(0, first - len(decoded))
+
+    def grab(pictures: int) -> list[bool]:
+        """Return of the next pictures whether they were decoded."""
+        begin = len(decoded)
+        while len(decoded) < begin + pictures and (image := feed.grab(spare)) is not None:
+            decoded.extend([image is not UNWANTED] if image is not NOTHING else [])
+        return decoded[begin:]
+
+    with WebCamera(endless) as web:
+        feed, ending = reader.ReaderFeed("camera", web.url), Event()
+        try:
+            assert feed.start(ending) is None
+            assert grab(1) == [True]
+            first = 6
+            assert grab(7) == [False] * 5 + [True] * 2
+            first = UNREAD_PICTURES
+            assert not any(grab(3))
+            first = 0
+            feed.let_by(0)  # as another thread does, while the reader waits for the last of them
+            wait_until(lambda: grab(1) == [True])
+        finally:
+            ending.set()
+            feed.stop()
+        feed.let_by(1)  # nobody is there to hear it
