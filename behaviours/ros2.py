@@ -65,7 +65,7 @@ class Navigate(_Driving):
     repeatable = True
     needs = frozenset({"ros2", "base"})
     stores = "what Nav2 says in the end"
-    to: str = argument("text", "the name of a place: `mission place list`", default="", principal=True)
+    to: str = argument("text", "the name of a place: `mission ros2 place list`", default="", principal=True)
     x: float | None = argument("length", "where it is on the map", default=None)
     y: float | None = argument("length", "where it is on the map", default=None)
     heading: float | None = argument("angle", "how to stand there; else as the place says, or 0", default=None)
@@ -123,7 +123,7 @@ def known(places: Any, name: str) -> tuple[float, float, float, str]:
     """Return a place by its name. Raises BadRequest with those that there are."""
     if name not in places:
         there = ", ".join(sorted(places)) or "none yet"
-        raise BadRequest(f"there is no place '{name}': there are {there}", hint=f"mission place add {name}")
+        raise BadRequest(f"there is no place '{name}': there are {there}", hint=f"mission ros2 place add {name}")
     found: tuple[float, float, float, str] = places[name]
     return found
 

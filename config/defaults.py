@@ -23,7 +23,7 @@ class DefaultsKeys:
 
     robot: str = key(
         default="",
-        help="This computer's robot, a name or a file: `--on-robot` moves it, other commands simulate it.",
+        help="This computer's robot, a name or a file: `--robot mine` moves it, other commands simulate it.",
     )
     world: str = key(default="", help="The world in which commands simulate, a name or a file.")
     folders: tuple[str, ...] = key(

@@ -168,13 +168,13 @@ KEYS: Mapping[str, str] = {
 USES: Mapping[str, str] = {
     "missions": "mission run {0}",
     "tests": "mission test {0}",
-    "worlds": "mission world show {0}, or mission run MISSION --world {0}",
+    "worlds": "mission show {0}, or mission run MISSION --world {0}",
     "robots": "mission run MISSION --simulate --robot {0}",
     "gestures": "write `gesture: {0}` in a mission",
-    "gaits": "mission gait show {0}",
+    "gaits": "mission show {0}",
     "controllers": "mission controller show {0}",
     "objects": "write `find_object: {0}` in a mission",
-    "records": "mission replay {0}",
+    "records": "mission record replay {0}",
 }
 """The command, or the line of a mission, for a file of each kind."""
 

@@ -24,7 +24,7 @@ from drivers.api.quick import dataclass
 
 @dataclass(frozen=True, slots=True)
 class TerminalNotice:
-    """To the terminal of `mission serve`."""
+    """To the terminal of `mission task serve`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from math import inf
 from pathlib import Path
 
 from behaviours.catalogue import LEAVES
@@ -28,6 +29,9 @@ from docs import claims, dumps
 from drivers.api.gait import GaitKeys
 from drivers.clock import ManualClock
 from drivers.table import HOUSE
+from missions.cli.commands import COMMANDS as MISSION_COMMANDS
+from missions.cli.declared import DeclaredOption
+from missions.cli.run import command as run
 from missions.control.form import members
 from missions.control.messages import ERRORS, MESSAGES
 from missions.executive.state import state_of
@@ -37,6 +41,7 @@ from missions.language.operators import FUNCTIONS
 from missions.language.param_types import TYPES
 from missions.library.catalogue import bounds, details, kind_of, shown_default, summary
 from missions.library.drivers import Table
+from missions.options import Option
 from missions.plugins.schema.robots import code, keys_table, robot_reference, table
 from missions.plugins.studio.wishes import COMMANDS
 from missions.plugins.testing.failsafe.ride import stepped_through
@@ -159,6 +164,34 @@ FELT = (
 """What the page of the base tells of."""
 
 
+def commands() -> str:
+    """Return a table of all commands, by their groups."""
+    rows = ((each.group, code(f"mission {name}"), each.help) for name, each in MISSION_COMMANDS.items())
+    return table(("group", "command", "what it does"), rows)
+
+
+def run_options() -> str:
+    """Return the table of the options of `mission run`, from their declarations."""
+    found = [each.declared for each in run.params if isinstance(each, DeclaredOption) and not each.hidden]
+    groups = [*dict.fromkeys(each.group for each in found)]
+    rows = (
+        (each.group or "Output", code(each.flag), _takes(each), each.bounds, _default(each), each.help)
+        for each in sorted(found, key=lambda it: groups.index(it.group))
+    )
+    return table(("group", "option", "takes", "bounds", "default", "what it does"), rows)
+
+
+def _takes(option: Option) -> str:
+    if option.among:
+        return ", ".join(map(code, option.among))
+    return option.metavar if option.metavar.isupper() and "=" in option.metavar else option.kind
+
+
+def _default(option: Option) -> str:
+    plain = isinstance(option.default, str | int | float) and option.default is not False and option.default != inf
+    return code(str(option.default)) if plain else ""
+
+
 def failsafe() -> str:
     """Return what the base does by itself, stepped through."""
     usual = Setting()
@@ -203,6 +236,8 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "fleet_keys": partial(keys_table, FleetKeys),
     "object_keys": partial(keys_table, ObjectKeys),
     "claims": claims.claims,
+    "commands": commands,
+    "run_options": run_options,
     "failsafe": failsafe,
     "gallery": dumps.gallery,
     "studio_commands": studio_commands,

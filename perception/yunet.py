@@ -42,7 +42,7 @@ SIZES = 4
 HAAR = 0.97
 """Side of a face's Haar box over the height of its YuNet box: median of 53 faces, give or take 0.04."""
 
-CURE = "mission models fetch yunet"
+CURE = "mission robot models fetch yunet"
 
 
 class _Network(Protocol):
@@ -169,7 +169,7 @@ class YuNetFaces:
 
     def _read(self, width: int, height: int) -> _Network:
         if not self._model.is_file():
-            raise FileNotFoundError(f"faces: {self._model} is missing\n  try: mission models fetch yunet")
+            raise FileNotFoundError(f"faces: {self._model} is missing\n  try: mission robot models fetch yunet")
         check_size(self._model, CURE)
         try:
             return cast(_Network, cv2.FaceDetectorYN.create(str(self._model), "", (width, height), SURE, 0.3, 50))

@@ -121,10 +121,10 @@ class CameraKeys:
     )
     centre_y: float = key("share", default=0.5, low=0.1, high=0.9, help="The same from its top.")
     distortion: DistortionKeys | None = key(
-        default=None, help="How the lens bends the picture: `mission camera calibrate` finds it."
+        default=None, help="How the lens bends the picture: `mission robot camera calibrate` finds it."
     )
     detector: str = key(default="haar", among=("haar", "yunet"), help="What finds faces; `yunet` needs its model.")
-    model: str = key(default="", help="The file of YuNet; else where `mission models fetch` puts it.")
+    model: str = key(default="", help="The file of YuNet; else where `mission robot models fetch` puts it.")
     markers: MarkerKeys | None = key(default=None, help="The markers that other robots wear.")
     identity: IdentityKeys = key(default=IdentityKeys(), help="How people are recognised.")
     delay: float = key(

@@ -34,7 +34,7 @@ def checkup(keys: CameraKeys, site: Site) -> Iterator[Finding]:
     """Look through it for a second."""
     frames, device = list[CameraFrame](), f"/dev/video{keys.source}" if is_number(keys.source) else str(keys.source)
     if kind_of(keys.source) is Kind.DEVICE and not Path(device).exists():
-        yield wrong("pictures", f"{device} is not there", "mission camera list")
+        yield wrong("pictures", f"{device} is not there", "mission robot camera list")
         return
     with closing(make(keys, site)) as camera:
         camera.open()
@@ -48,12 +48,12 @@ def checkup(keys: CameraKeys, site: Site) -> Iterator[Finding]:
                 break
         health = camera.health()
     if not frames:
-        yield wrong("pictures", health.detail or "none came", health.hint or "mission camera list")
+        yield wrong("pictures", health.detail or "none came", health.hint or "mission robot camera list")
         return
     height, width = frames[-1].image.shape[:2]
     width, height = keys.turn.size(width, height)  # of the camera itself
     if (width, height) != (keys.width, keys.height):
-        cure = f"write width: {width} and height: {height}; the sizes that it can: mission camera list"
+        cure = f"write width: {width} and height: {height}; the sizes that it can: mission robot camera list"
         yield warning("pictures", f"{width}x{height}, the robot file says {keys.width}x{keys.height}", cure)
     live = kind_of(keys.source) in {Kind.DEVICE, Kind.URL}
     yield from _rate(frames, device=device, live=live)
@@ -82,7 +82,7 @@ def _exposure(image: Image) -> Iterator[Finding]:
     elif brightness > BRIGHT:
         yield warning("exposure", f"the pictures are overexposed ({told})", "turn it from the lamp or the window")
     elif float(image.std()) < FLAT:
-        cure = "look whether something covers the lens; mission camera list  (is it another camera?)"
+        cure = "look whether something covers the lens; mission robot camera list  (is it another camera?)"
         yield wrong("exposure", f"the pictures are all of one colour ({told})", cure)
     else:
         yield Finding("exposure", told)

@@ -116,7 +116,7 @@ def _port(machine: Machine, path: str, names: tuple[str, ...], holders: tuple[Pr
     latency = int(told) if told.isdecimal() else None
     slow = Trouble(
         f"its adapter holds bytes back for {latency} ms: servos and a Kobuki answer late",
-        f"echo {SLOW} | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer  (or for good: mission udev)",
+        f"echo {SLOW} | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer  (or for good: mission robot udev)",
     )
     shut = _shut(machine, path, holders)
     troubles = (slow,) if latency is not None and latency > SLOW else ()

@@ -34,7 +34,7 @@ STRIDE = 16
 no noise."""
 
 _SLOW_HINT = "more light (webcams expose for longer in the dark), a smaller picture, or a USB port of its own"
-_FROZEN_HINT = "unplug the camera and plug it in again; `mission camera list` shows whether it is back"
+_FROZEN_HINT = "unplug the camera and plug it in again; `mission robot camera list` shows whether it is back"
 
 
 @dataclass(frozen=True, slots=True)

@@ -91,8 +91,10 @@ def _heat(joint: Joint, heat: int) -> Iterator[Finding]:
 
 
 def _errors(joint: Joint) -> Iterator[Finding]:
-    reboot = f"mission servo reboot {joint.spec.id} --robot ROBOT"
-    cure = "remove the cause, then: " + (reboot if joint.at.protocol == 2 else "mission servo recover --robot ROBOT")
+    reboot = f"mission servo torque restart {joint.spec.id} --robot ROBOT"
+    cure = "remove the cause, then: " + (
+        reboot if joint.at.protocol == 2 else "mission servo torque recover --robot ROBOT"
+    )
     if joint.down:
         words = joint.ailing.words
         yield wrong(joint.title, "it has shut down" + (f": {words}" if words else ", and is limp"), cure)

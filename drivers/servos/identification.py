@@ -102,7 +102,7 @@ def ping_evidence(bus: Bus, at: At) -> str:
 
 
 UNPLUG = (
-    "unplug all servos with ID {0} but one, and give it another ID: mission servo set-id {0} NEW; then plug in the "
+    "unplug all servos with ID {0} but one, and give it another ID: mission servo set {0} id NEW; then plug in the "
     "next; if it was alone, try another cable"
 )
 """What helps against two servos with one ID."""

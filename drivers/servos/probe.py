@@ -78,7 +78,7 @@ def _told(found: dict[int, list[Unit]]) -> Answer:
     trouble, hint = "", ""
     if doubled:
         trouble = f"ID {doubled}: damaged replies; two servos may have it"
-        hint = "unplug all but one of them, then: mission servo set-id 1 NEW --port PORT"
+        hint = "unplug all but one of them, then: mission servo set 1 id NEW --port PORT"
     elif mute := [unit.id for unit in units if unit.trouble == MUTE]:
         trouble = f"ID {', '.join(map(str, mute))}: {MUTE}"
         hint = f"mission servo set {mute[0]} status_return_level 2 --baud {baud} --port PORT"
@@ -86,7 +86,7 @@ def _told(found: dict[int, list[Unit]]) -> Answer:
         others = next(rate for rate in found if rate != baud)
         number = found[others][0].id
         trouble = f"servos at {len(found)} rates on one wire"
-        hint = f"mission servo set-baud {number} {baud} --baud {others} --port PORT"
+        hint = f"mission servo set {number} baud {baud} --baud {others} --port PORT"
     return Answer(f"servos: {'; '.join(words)}", {"baud": baud}, units, trouble, hint)
 
 

@@ -223,7 +223,7 @@ def _verified(bus: Bus, at: At, change: Change) -> At:
     if name == "id" and bus.answers_ping(old):
         raise DeviceFault(
             f"{bus.name}: servo {at.id} has its new ID, and another servo still answers at {old.id}",
-            hint=f"unplug one of the two, then: mission servo set-id {old.id} NEW",
+            hint=f"unplug one of the two, then: mission servo set {old.id} id NEW",
         )
     return at
 

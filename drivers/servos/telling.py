@@ -24,7 +24,7 @@ SIGNS: Mapping[Protocol, str] = {
 }
 NOT_BE = "could not be"
 MOVES_ON = "a joint that nobody sends on comes to rest by itself; if one moves on, switch its power off by hand"
-REMEDY = "free the joint, then `mission servo recover --robot FILE`, or switch the arm's power off and on"
+REMEDY = "free the joint, then `mission servo torque recover --robot FILE`, or switch the arm's power off and on"
 
 
 class Telling:

@@ -122,7 +122,7 @@ def _download(model: Model, source: str, file: BinaryIO, told: Callable[[int], N
         raise FetchError(
             f"{who}: is not the file that was published: {size} bytes with SHA-256 {sum256.hexdigest()}, "
             f"not {model.size} bytes with {model.sha256}",
-            hint=f"mission models fetch {model.name}  (again, from another network)",
+            hint=f"mission robot models fetch {model.name}  (again, from another network)",
         )
 
 
@@ -139,6 +139,6 @@ def face_detector(camera: CameraKeys | None) -> FaceDetector:
 
 
 def yunet_file(camera: CameraKeys) -> Path:
-    """Return where YuNet's file is: as the robot file says, else where `mission models fetch` puts it."""
+    """Return where YuNet's file is: as the robot file says, else where `mission robot models fetch` puts it."""
     named = camera.model if camera.detector == "yunet" else ""
     return Path(named).expanduser() if named else folder() / YUNET.file

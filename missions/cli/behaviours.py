@@ -1,8 +1,8 @@
-"""``mission behaviours``: the catalogue, from the declarations of the leaves themselves."""
+"""``mission list behaviours`` and ``mission show`` of one: the catalogue, from the leaves' own declarations."""
 
 import inspect
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
@@ -10,8 +10,7 @@ from rich.table import Table
 
 from behaviours.leaf import Leaf
 from config.units import UNITS
-from missions.cli.names import BEHAVIOUR
-from missions.cli.options import behaviours_option, own_files
+from missions.cli.options import own_files
 from missions.cli.printable import console, echo
 from missions.language.counts import COUNTS
 from missions.language.nodes import BRANCHES, COMPOSITES, MODIFIERS, OTHERS
@@ -21,27 +20,35 @@ from missions.library.catalogue import shown_default, summary, terms
 from missions.library.vocabulary import vocabulary
 
 
-@click.command(epilog="Example: mission behaviours find_face")
-@click.argument("name", type=BEHAVIOUR, required=False)
-@click.option("--json", "as_json", is_flag=True, help="For programs.")
-@behaviours_option
-def command(name: str | None, as_json: bool, files: tuple[Path, ...]) -> None:
-    """Say what each behaviour does, its arguments with units and defaults, and what it claims."""
+def show_behaviour(name: str, files: Sequence[Path], *, as_json: bool) -> None:
+    """Print all about a behaviour, or about another word of the language. Raises click.UsageError without one."""
     leaves = vocabulary(own_files(files), files)
-    if name is not None and name not in leaves:
-        known = _known()
-        if name in known:
-            click.echo(f"{name}: {known[name]}")
-            return
+    if name in leaves:
+        if as_json:
+            click.echo(json.dumps([_as_dict(leaves[name])], indent=2))
+        else:
+            _describe(leaves[name])
+    elif name in (known := _known()):
+        click.echo(f"{name}: {known[name]}")
+    else:
         hint = word_meant(name, leaves, BRANCHES, (*MODIFIERS, *BESIDE), alone=False)
-        raise click.UsageError(f"no behaviour '{name}'" + (f"; {hint}" if hint else "; `mission behaviours` has all"))
-    chosen = {name: leaves[name]} if name is not None else leaves
+        raise click.UsageError(
+            f"no behaviour '{name}'" + (f"; {hint}" if hint else "; `mission list behaviours` has all")
+        )
+
+
+def list_behaviours(files: Sequence[Path], *, as_json: bool) -> None:
+    """Print a line on each behaviour, and on every other word of the language; or all of the behaviours as JSON."""
+    leaves = vocabulary(own_files(files), files)
     if as_json:
-        click.echo(json.dumps([_as_dict(leaf) for leaf in chosen.values()], indent=2))
-    elif name is not None:
-        _describe(leaves[name])
+        click.echo(json.dumps([_as_dict(leaf) for leaf in leaves.values()], indent=2))
     else:
         _list(leaves)
+
+
+def is_word(name: str, files: Sequence[Path]) -> bool:
+    """Say whether a behaviour, or another word of the language, has this name."""
+    return name in vocabulary(files) or name in _known()
 
 
 def _known() -> Mapping[str, str]:
@@ -64,7 +71,7 @@ def _list(leaves: Mapping[str, type[Leaf]]) -> None:
         for word, (text, claims) in rows.items():
             table.add_row(f"[bold]{word}[/bold]", text, claims)
         shown.print(table)
-    shown.print("\n`mission behaviours NAME` tells all about one.")
+    shown.print("\n`mission show NAME` has all about one.")
 
 
 def _describe(leaf: type[Leaf]) -> None:

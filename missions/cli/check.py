@@ -9,8 +9,9 @@ import click
 from behaviours.leaf import Leaf
 from config.faults import Diagnostic, InvalidFileError, Mark, Source
 from config.library import UnknownNameError
+from missions.cli.declared import behaviours_option, params_option
 from missions.cli.names import MISSION
-from missions.cli.options import behaviours_option, files_of, leaves_for, params_option
+from missions.cli.options import files_of, leaves_for
 from missions.cli.usual_robot import load_for, robot_option, robots_for, target
 from missions.language.claims import impossible
 from missions.language.guards import actions_as_guards, guards_kept

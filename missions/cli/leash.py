@@ -17,7 +17,6 @@ from typing import TextIO
 
 import click
 
-from missions.cli.numbers import Whole
 from missions.executive.events import Event, Notified
 from missions.executive.executive import Executive
 from missions.executive.stream import Stream
@@ -65,21 +64,6 @@ STOP_TIMEOUT = 5.0
 """Seconds that a run has to stop once its leash is loose; then it gets a SIGTERM, which its watchdog hears as well."""
 
 
-def _pipe(ctx: click.Context, option: click.Parameter, number: int | None) -> int | None:
-    try:
-        if number is not None:
-            os.fstat(number)
-    except OSError as error:
-        raise click.BadParameter(
-            f"{number} is no open file: only a server gives this", ctx=ctx, param=option
-        ) from error
-    return number
-
-
-leash_option = click.option("--leash", type=Whole(), callback=_pipe, hidden=True, help="The end of a server's pipe.")
-"""Adds ``--leash FD`` to a command: the run stops when that pipe ends, and tells its notices on stdout."""
-
-
 @contextmanager
 def leashed(leash: int | None, executive: Executive, stream: Stream) -> Iterator[None]:
     """Stop ``executive`` when the pipe ``leash`` ends, and write notices as lines of JSON; nothing without a leash."""
@@ -111,8 +95,6 @@ def _watched(leash: int, stop: Callable[[str], None]) -> AbstractContextManager[
 
 FAREWELL = 5.0
 """Seconds that the studio has to end; then it is killed, which stops no run."""
-
-studio_option = click.option("--studio", is_flag=True, help="Serve the page of `mission studio` meanwhile.")
 
 
 @contextmanager

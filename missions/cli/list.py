@@ -11,27 +11,42 @@ from behaviours.joint_ranges import JointRanges
 from config.controller import load_controller
 from config.defaults import own_files, unreadable_folders
 from config.faults import InvalidFileError
+from config.gait import load_gait
 from config.gesture import load_gesture
 from config.library import shipped
 from config.object import load_object
 from config.world import load_world
 from drivers.api.driver import BrokenDriver
 from drivers.api.sections import ArmKeys
+from missions.cli.behaviours import list_behaviours
+from missions.cli.declared import behaviours_option
 from missions.cli.printable import echo
 from missions.library.drivers import Table, load_robot
-from missions.library.shipped import load_mission, shipped_missions
+from missions.library.shipped import MOTIONS, load_mission, shipped_missions
 
-KINDS = ("missions", "robots", "worlds", "gestures", "controllers", "objects", "drivers")
+KINDS = (
+    *("missions", "motions", "behaviours", "robots", "worlds", "gestures", "gaits", "controllers", "objects"),
+    "drivers",
+)
 
 
 @click.command(epilog="Example: mission list gestures")
 @click.argument("kind", required=False, type=click.Choice(KINDS))
-def command(kind: str | None) -> None:
+@click.option("--json", "as_json", is_flag=True, help="Of behaviours: as JSON, with all of their arguments.")
+@behaviours_option
+def command(kind: str | None, as_json: bool, files: tuple[Path, ...]) -> None:
     """List what ships with MissionTree and what is yours, with a line on each; and the drivers, whoever they are of.
 
-    Behind a gesture stand the robots that can do it, and on which arm where that is a further one.
+    Motions are those of the TurtleBot course, by number: `mission run 1`. Behind a gesture stand the robots that can do
+    it, and on which arm where that is a further one. `mission show NAME` has more on one.
     """
+    if kind != "behaviours" and (as_json or files):
+        raise click.UsageError("--json and --behaviours are for behaviours: mission list behaviours")
     for each in KINDS if kind is None else (kind,):
+        if each == "behaviours":
+            if kind is not None:
+                list_behaviours(files, as_json=as_json)
+            continue
         echo(each, "bold")
         for name, summary in chain(_own(each), _entries(each)):
             click.echo(f"  {name:<28} {summary}")
@@ -41,6 +56,10 @@ def _entries(kind: str) -> Iterator[tuple[str, str]]:
     if kind == "missions":
         for name in shipped_missions():
             yield name, load_mission(name).summary
+        return
+    if kind == "motions":
+        for number, name in MOTIONS.items():
+            yield f"{number}  {name}", load_mission(f"motions/{name}").summary
         return
     if kind == "drivers":
         yield from _drivers()
@@ -106,6 +125,7 @@ _SUMMARIES: dict[str, Callable[[Path], str]] = {
     "gestures": lambda path: load_gesture(path).summary,
     "robots": lambda path: load_robot(path).summary,
     "worlds": lambda path: load_world(path).summary,
+    "gaits": lambda path: load_gait(path).summary,
     "controllers": lambda path: load_controller(path).summary,
     "objects": lambda path: load_object(path).summary,
 }

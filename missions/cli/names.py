@@ -101,7 +101,7 @@ def names_of(kind: str, ctx: click.Context) -> Iterable[str]:
         return LEAVES
     if kind == "person":
         return _people(ctx.params.get("robot"))
-    return [*shipped(kind), *_own(kind)] if kind in LISTED else ()
+    return [*shipped(kind), *_own(kind)] if kind in (*LISTED, "gaits") else ()
 
 
 def _own(kind: str) -> Iterable[str]:
@@ -143,5 +143,5 @@ CONTROLLER = Name("controllers")
 PERSON = Name("person")
 BEHAVIOUR = Name("behaviour")
 TESTED = Name("missions", "tests")
-SHOWN = Name("missions", "records")
+SHOWN = Name("missions", "records", "behaviour", "worlds", "gaits")
 PARAMS = Params()

@@ -5,13 +5,12 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from shlex import quote
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import click
 
 from behaviours.leaf import Leaf
 from config.units import in_dimension
-from missions.cli.names import PARAMS
 from missions.library.shipped import TESTS, behaviour_files
 from missions.library.vocabulary import found_beside, vocabulary
 
@@ -113,19 +112,6 @@ def files_of(name: str, *, tests: bool = True) -> list[str]:
     return found
 
 
-def params_option(command: Any) -> Any:
-    """Add ``--param NAME=VALUE`` to a command, which gets them as ``params``."""
-    return click.option(
-        "--param",
-        "params",
-        type=PARAMS,
-        multiple=True,
-        metavar="NAME=VALUE",
-        callback=pairs('patience="5 s"'),
-        help='Set one of the mission\'s params, such as patience="5 s". Repeat it for more.',
-    )(command)
-
-
 def leaves_for(given: Sequence[Path]) -> Callable[[str], Mapping[str, type[Leaf]]]:
     """Return what gives the leaves for a mission by its name or path: ours, those ``given``, those in its own folder.
 
@@ -155,15 +141,3 @@ def tell_found(files: Sequence[Path], given: Sequence[Path]) -> None:
     """Tell on stderr which files of behaviours are run that nobody has given."""
     if found := [str(path) for path in files if path not in given]:
         click.echo(f"behaviours of this folder: {', '.join(found)}", err=True)
-
-
-def behaviours_option(command: Any) -> Any:
-    """Add ``--behaviours FILE.py`` to a command, which gets a tuple of paths as ``files``."""
-    return click.option(
-        "--behaviours",
-        "files",
-        multiple=True,
-        metavar="FILE.py",
-        type=click.Path(path_type=Path),
-        help="Take more behaviours from a file of Python. Repeat it for more.",
-    )(command)

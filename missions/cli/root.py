@@ -1,7 +1,6 @@
 """The ``mission`` command itself: finds its subcommand, and turns what goes wrong into words and an exit code."""
 
 import errno
-import gc
 import os
 import resource
 import sys
@@ -12,6 +11,7 @@ from pathlib import Path
 
 import click
 
+from missions.cli.commands import ALONE, Commands
 from missions.cli.printable import printable_streams
 
 # Commands that run out of memory: said so, with what to do, whichever error it came as.
@@ -83,154 +83,8 @@ SUCCESS, FAILURE, USAGE, DEVICE, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130
 """The exit codes: a mission's success and failure, bad usage or a bad file, a device,
 a fault of our own, Ctrl-C or SIGTERM."""
 
-ALONE = "alone"
-"""What the context of a command is told where the process is its alone: `missions.control.holders.OWN_PROCESS`."""
-
 COMPLETING = "_MISSION_COMPLETE"
 """What a shell sets in the environment where it asks what a word may become."""
-
-GROUPS = {
-    "Run missions": {
-        "run": "Run a mission: simulated, unless a robot is named.",
-        "motion": "Run one of the eight motions of the TurtleBot course, by number.",
-        "studio": "See, start, drive and stop robots on a page in the browser.",
-        "stop": "Stop what runs on this machine, at once; release it again.",
-        "task": "Queue missions, to be run in turn, at a time, or again and again.",
-        "serve": "Do the tasks of the queue, one after another, as they are due.",
-        "fleet": "See the robots of a fleet, give them tasks, and stop them all.",
-    },
-    "Look into them": {
-        "list": "List the missions, robots, worlds, gestures, controllers and objects there are.",
-        "check": "Check missions without running them.",
-        "show": "Draw a mission's tree, or a record of a run at a moment.",
-        "behaviours": "Say what a mission can be made of.",
-        "world": "Show a simulated world: in words, as a plan, or as the camera sees it.",
-        "schema": "Write the JSON Schema of missions, for editors.",
-    },
-    "Try them in simulated time": {
-        "test": "Play the tests of missions, in simulated time.",
-        "sweep": "Run a mission many times in simulated time: how often it succeeds, and why not.",
-        "fault": "Let something go wrong with a run in simulated time, while it goes on.",
-        "verify": "Prove that missions can end, stop cleanly and keep their promises.",
-        "gait": "Look at gaits of robots with legs, check them, and make new ones of them.",
-        "controller": "Show how behaviours track, and compare controllers side by side.",
-        "tune": "Find better numbers for a controller, in simulation.",
-    },
-    "See what happened": {
-        "record": "Look into records of runs: info, mend, cut, export.",
-        "replay": "Play a record; decide it again, or see it again, with today's files.",
-        "report": "Write a report of a record: one page with a slider for time, and plots for papers.",
-        "stats": "Say how often, how long and how late, over any number of records.",
-    },
-    "Set up a robot": {
-        "doctor": "Look at everything at rest: computer, ports, servos, camera; say what to cure, and how.",
-        "robot": "Make a robot file by answering questions; show, check and use it.",
-        "ports": "Say what is plugged in, what answers there, and what is in the way.",
-        "camera": "List cameras, and calibrate them.",
-        "person": "Let the robot know people by their faces, list them, and forget them.",
-        "models": "List trained models that can be fetched, and fetch them.",
-        "place": "Name places of a robot's map, for `navigate`.",
-        "ros2": "Look round among the nodes of ROS 2, without ROS.",
-        "udev": "Print the udev rules that name a TurtleBot's serial ports.",
-        "simulate": "Run a robot's virtual devices alone, for other programs to use.",
-        "completion": "Let your shell complete commands, missions, robots and the like.",
-    },
-    "Use it by hand": {
-        "teleop": "Drive a robot by hand: with keys, also over SSH, or with a game pad.",
-        "head": "Move the head by hand: look, center, where, and trim it straight.",
-        "servo": "Find, set up, move and record Dynamixel and Feetech servos.",
-        "see": "Look for faces, things and markers in pictures, folders and videos.",
-        "hear": "Say what is heard: each phrase, and whether it is sure enough.",
-    },
-}
-"""The subcommands as ``--help`` groups them: each is ``command`` in a module of its name, imported when it is used."""
-
-COMMANDS = {name: words for group in GROUPS.values() for name, words in group.items()}
-
-
-OPTIONAL = {
-    "doctor": "setup",
-    "robot": "setup",
-    "ports": "setup",
-    "camera": "setup",
-    "person": "setup",
-    "models": "setup",
-    "udev": "setup",
-    "head": "setup",
-    "servo": "setup",
-    "see": "setup",
-    "hear": "setup",
-    "place": "ros2",
-    "ros2": "ros2.command",
-    "gait": "legs.command",
-    "studio": "studio.command",
-    "teleop": "teleop.command",
-    "schema": "schema.command",
-    "verify": "verify.command",
-    "task": "tasks.commands",
-    "serve": "tasks.commands",
-    "fleet": "fleet.commands",
-    "world": "pictures.commands",
-    "record": "records.commands",
-    "replay": "records.commands",
-    "report": "records.commands",
-    "stats": "records.commands",
-    "test": "testing.commands",
-    "sweep": "testing.commands",
-    "controller": "testing.commands",
-    "tune": "testing.commands",
-    "fault": "testing.commands",
-    "simulate": "testing.commands",
-}
-"""The commands of plug-ins: the package, or the module, of ``missions.plugins`` in which each of them stands."""
-
-
-def command_module(name: str) -> str:
-    """Return the dotted path of the module of a command."""
-    if name not in OPTIONAL:
-        return f"missions.cli.{name}"
-    place = OPTIONAL[name]
-    return f"missions.plugins.{place}" if place.endswith(".command") else f"missions.plugins.{place}.{name}"
-
-
-class Commands(click.Group):
-    """A group that imports a subcommand when it is asked for, and lists them all without importing any."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names in the order of ``COMMANDS``."""
-        del ctx
-        return list(COMMANDS)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import and return one subcommand; None for an unknown name."""
-        del ctx
-        if cmd_name not in COMMANDS:
-            return None
-        command = import_module(command_module(cmd_name)).command
-        settle()
-        return command if isinstance(command, click.Command) else None
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the subcommand; say what may be meant by an unknown one."""
-        word = args[0]
-        if word not in COMMANDS and not word.startswith("-"):
-            from config.faults import closest  # noqa: PLC0415 - as in `guarded`
-            from missions.library.shipped import shipped_missions  # noqa: PLC0415
-
-            is_mission = word in shipped_missions() or word.endswith(".yaml")
-            meant = f"run {word}" if is_mission else closest(word, COMMANDS) or "--help"
-            ctx.fail(f"no such command: '{word}'\n  try: mission {meant}")
-        return super().resolve_command(ctx, args)
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the lists for ``--help``, with the second columns of all below each other."""
-        del ctx
-        widest = max(map(len, COMMANDS))
-        for title, commands in GROUPS.items():
-            with formatter.section(title):
-                formatter.write_dl([(name.ljust(widest), words) for name, words in commands.items()])
 
 
 @click.group(
@@ -263,18 +117,6 @@ def main() -> None:
                 raise
             code = _tell_shortage(why)
     sys.exit(code)
-
-
-def settle() -> None:
-    """Have Python's search for rubbish pass over all that is there now: it is held off until then, and goes on.
-
-    What is there lasts, and would be searched again and again, in a run within ticks (0.1 s on a Raspberry Pi). Does
-    nothing where the process is not the command's alone.
-    """
-    context = click.get_current_context(silent=True)
-    if context is not None and context.find_root().obj == ALONE:
-        gc.freeze()
-        gc.enable()
 
 
 def guarded(work: Callable[[], object]) -> int:

@@ -14,11 +14,11 @@ from behaviours.leaf import Leaf
 from config.library import DEFAULT_ROBOT
 from config.units import written
 from drivers.api.quick import dataclass
+from missions.cli.commands import settle
 from missions.cli.leash import GONE, heeded, leashed
 from missions.cli.live import Watcher
 from missions.cli.options import tell_found
 from missions.cli.orders import check_events, check_film, check_order, check_pad, check_people, pad_of
-from missions.cli.root import settle
 from missions.control.control import ControlSocket
 from missions.control.holders import noted, require_not_stopped
 from missions.control.pictures import Pictures
@@ -59,19 +59,16 @@ def run(
     outputs: Outputs,
     out: TextIO,
     last_words: Callable[[Result], None],
-    *,
-    until: float | None = None,
 ) -> Result:
     """Run ``order``, show on ``out`` what happens, and write what it leaves behind.
 
-    ``last_words`` are said where a run that hangs for good ends the process. ``until`` is when a run in simulated time
-    is ended at last, in seconds.
+    ``last_words`` are said where a run that hangs for good ends the process.
     """
     with ExitStack() as loading:
         with suppress(OSError):  # without any folder, its control socket tells what that means
             loading.enter_context(noted(order.mission, order.robot or DEFAULT_ROBOT, order.simulation or ""))
         require_not_stopped()
-        return _run(order, outputs, out, last_words, until, loading)
+        return _run(order, outputs, out, last_words, loading)
 
 
 def _run(
@@ -79,11 +76,10 @@ def _run(
     outputs: Outputs,
     out: TextIO,
     last_words: Callable[[Result], None],
-    until: float | None,
     loading: ExitStack,
 ) -> Result:
     """Do what ``run`` does. A stop before its control socket is there ends the process, until ``loading`` is over."""
-    _check(order, outputs, out, until)
+    _check(order, outputs, out)
     watcher = Watcher(out)
     shown: Watcher | LiveView = watcher
 
@@ -102,8 +98,8 @@ def _run(
     check_pad(order, runner.plan)
     check_people(order, runner.plan)
     watcher.watch(runner.root)
-    if until is not None and runner.twins is not None:
-        runner.twins.timeline.at(until, partial(_end, runner, until))
+    if order.until is not None and runner.twins is not None:
+        runner.twins.timeline.at(order.until, partial(_end, runner, order.until))
     with ExitStack() as closing:
         film, events = _write(outputs, runner, closing, out)
         if recording is not None:
@@ -166,11 +162,9 @@ def _written(recording: Recording | None, events: "EventsFile | None", film: "Fi
     return [str(path) for path in (record, events and events.path, filmed) if path is not None]
 
 
-def _check(order: RunRequest, outputs: Outputs, out: TextIO, until: float | None) -> None:
+def _check(order: RunRequest, outputs: Outputs, out: TextIO) -> None:
     """Raise click.UsageError for what could only be ignored, or cannot be shown or written."""
     check_order(order)
-    if until is not None and order.simulation != "fast":
-        raise click.UsageError("--until is for simulated time: add --simulate fast")
     if outputs.film is not None:
         check_film(outputs.film, order)
     if outputs.view:

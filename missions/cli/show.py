@@ -1,18 +1,26 @@
-"""``mission show``: the tree of a mission, or of a record at a moment, as a picture; or two of them side by side."""
+"""``mission show``: missions, records, behaviours, worlds and gaits, as text or as pictures."""
 
 import shlex
 import shutil
 import sys
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import click
+from click.core import ParameterSource
 
+from behaviours.catalogue import LEAVES
+from config.faults import closest
+from config.library import DEFAULT_ROBOT, SHEETS, UnknownNameError, find, is_file, kinds_of, shipped
 from config.saving import PRIVATE, save_file
-from missions.cli.names import SHOWN
+from missions.cli.behaviours import is_word, show_behaviour
+from missions.cli.declared import behaviours_option, params_option
+from missions.cli.names import ROBOT, SHOWN
 from missions.cli.numbers import Whole
-from missions.cli.options import SECONDS, behaviours_option, leaves_for, params_option
+from missions.cli.options import SECONDS, leaves_for
 from missions.cli.outputs import writing, wrote
-from missions.library.shipped import load_mission
+from missions.library.shipped import find_mission, load_mission, shipped_missions
 from missions.plugins.pictures.compare import compare, side_by_side
 from missions.plugins.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES, Dump
 from missions.plugins.records.recording.read import open_record
@@ -27,16 +35,29 @@ NO_RECORD = "a mission has no moments\n  try: mission run {name} --record {stem}
 NO_PLOTS = "a PNG needs resvg and Matplotlib\n  try: pip install 'missiontree[plots]', or -o {stem}.svg"
 
 
+ALLOWED: Mapping[str, frozenset[str]] = {
+    "mission": frozenset({"form", "output", "other", "depth", "params", "files"}),
+    "record": frozenset({"form", "output", "other", "depth", "params", "files", "time"}),
+    "behaviour": frozenset({"form", "files"}),
+    "world": frozenset({"output", "time", "camera", "robot"}),
+    "gait": frozenset({"output", "robot"}),
+}
+"""The kinds of things that can be shown, each with its options, by their parameters."""
+
+LIBRARIES = {"worlds": "world", "gaits": "gait"}
+"""The kinds of files whose names are looked up where there is no mission of the name."""
+
+
 @click.command(epilog="Example: mission show greet -o greet.svg")
-@click.argument("name", type=SHOWN, metavar="MISSION|RECORD")
+@click.argument("words", nargs=-1, required=True, type=SHOWN, metavar="[KIND] NAME")
 @click.option(
     "--format",
     "form",
     type=click.Choice(list(FORMS)),
-    help="How to draw it: text, unless the file after -o says otherwise.",
+    help="How to draw a mission or a record: text, unless the file after -o says otherwise. A behaviour: text or json.",
 )
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write it there.")
-@click.option("--at", "time", metavar="TIME", type=SECONDS, help="Show a record at this moment, such as 12.5s.")
+@click.option("--at", "time", metavar="TIME", type=SECONDS, help="Show a record or a world at this time, such as 12s.")
 @click.option("--diff", "other", type=SHOWN, metavar="OTHER", help="Show what differs in this other mission or record.")
 @click.option(
     "--fold",
@@ -47,8 +68,12 @@ NO_PLOTS = "a PNG needs resvg and Matplotlib\n  try: pip install 'missiontree[pl
 )
 @params_option
 @behaviours_option
+@click.option("--camera", is_flag=True, help="Of a world: draw the view of the robot's camera at the start.")
+@click.option("--robot", type=ROBOT, help="Of a world or a gait: the robot (a name or a file).")
+@click.pass_context
 def command(
-    name: str,
+    ctx: click.Context,
+    words: tuple[str, ...],
     form: str | None,
     output: Path | None,
     time: float | None,
@@ -56,12 +81,88 @@ def command(
     depth: int | None,
     params: dict[str, str],
     files: tuple[Path, ...],
+    camera: bool,
+    robot: str | None,
 ) -> None:
-    """Draw the tree of a mission (a name or a file) or of a record."""
-    form = form or _form_of(output)
-    names = [name] if other is None else [name, other]
-    if time is not None and not any(map(_is_record, names)):
+    """Show a mission, a record, a behaviour, a world or a gait, by its name or file, as text or as a picture.
+
+    A name of two kinds is that of a mission; KIND (mission, record, behaviour, world, gait) chooses another:
+    `mission show behaviour dock`.
+    """
+    kind, name = _meant(words, files)
+    for option in ctx.command.params:
+        if ctx.get_parameter_source(str(option.name)) is ParameterSource.COMMANDLINE and isinstance(
+            option, click.Option
+        ):
+            _require_fitting(option, kind, name)
+    match kind:
+        case "behaviour":
+            if form not in (None, "text", "json"):
+                raise click.UsageError(f"--format {form}: a behaviour is shown as text or as json")
+            show_behaviour(name, files, as_json=form == "json")
+        case "world":
+            from missions.plugins.pictures.commands.world import show_world  # noqa: PLC0415 - missions need none of the simulated world
+
+            show_world(name, output, time or 0.0, robot or DEFAULT_ROBOT, camera=camera)
+        case "gait":
+            from missions.plugins.legs.command import LEGGED, show_gait  # noqa: PLC0415 - few robots have legs
+
+            show_gait(name, output, robot or LEGGED)
+        case _:
+            _show_tree(name, form or _form_of(output), output, time, other, depth, params, files)
+
+
+def _meant(words: Sequence[str], files: Sequence[Path]) -> tuple[str, str]:
+    """Return the kind and the name of what is to be shown. Raises click.UsageError."""
+    if len(words) > 1:
+        if len(words) > 2 or words[0] not in ALLOWED:
+            raise click.UsageError(f"unexpected: {' '.join(words)}\n  try: mission show {{{'|'.join(ALLOWED)}}} NAME")
+        return words[0], words[1]
+    (name,) = words
+    path = Path(name)
+    if _is_record(name):
+        return "record", name
+    if path.suffix in SHEETS:
+        return "gait", name
+    if is_file(path):
+        return next((LIBRARIES[kind] for kind in kinds_of(path) if kind in LIBRARIES), "mission"), name
+    with suppress(UnknownNameError):
+        find_mission(name)
+        return "mission", name
+    for library, kind in LIBRARIES.items():
+        with suppress(UnknownNameError):
+            find(library, name)
+            return kind, name
+    if is_word(name, files):
+        return "behaviour", name
+    close = closest(name, [*shipped_missions(), *LEAVES, *(each for kind in LIBRARIES for each in shipped(kind))])
+    if close and close not in shipped_missions():
+        raise click.UsageError(f"nothing is called '{name}'; did you mean '{close}'?")
+    return "mission", name
+
+
+def _require_fitting(option: click.Option, kind: str, name: str) -> None:
+    """Raise click.UsageError for an option that does not fit what is shown."""
+    if option.name in ALLOWED[kind]:
+        return
+    if option.name == "time":
         raise click.UsageError(f"--at: {NO_RECORD.format(name=name, stem=Path(name).stem)}")
+    fitting = " or a ".join(each for each, options in ALLOWED.items() if option.name in options)
+    raise click.UsageError(f"{option.opts[-1]} is for a {fitting}, and '{name}' is a {kind}")
+
+
+def _show_tree(
+    name: str,
+    form: str,
+    output: Path | None,
+    time: float | None,
+    other: str | None,
+    depth: int | None,
+    params: dict[str, str],
+    files: tuple[Path, ...],
+) -> None:
+    """Draw the tree of a mission or of a record, or of two of them side by side."""
+    names = [name] if other is None else [name, other]
     drawings = [_drawing(each, params if each == name else {}, files, time) for each in names]
     if depth is not None:
         drawings = [folded(each, depth) for each in drawings]

@@ -1,7 +1,8 @@
 """Messages as dataclasses: their JSON, how it is checked, and the JSON Schema of it.
 
 A message is an object of its fields. Its first member is its word, under the name that its class has in ``key``.
-A field is declared as ``Annotated[type, "what it is"]``, a bounded number with a ``Bound`` too.
+A field is declared as ``Annotated[type, "what it is"]``, a bounded number with a ``Bound`` too; or with the
+declaration of an option, which has both.
 """
 
 import inspect
@@ -15,6 +16,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 from config.faults import did_you_mean
 from drivers.api.quick import dataclass
+from missions.options import Option
 
 LONGEST_TEXT = 4096
 """Characters of a text in a command, at most."""
@@ -74,9 +76,17 @@ def _member(field: "Field[Any]", hint: Any) -> _Member:
     marks = getattr(hint, "__metadata__", ())
     about = next((mark for mark in marks if isinstance(mark, str)), "")
     bound = next((mark for mark in marks if isinstance(mark, Bound)), Bound())
+    for declared in (mark for mark in marks if isinstance(mark, Option)):  # an option of `mission run`
+        about = about or declared.help
+        low, high = max(bound.low, _or(declared.low, -inf)), min(bound.high, _or(declared.high, inf))
+        bound = Bound(low, high)
     required = field.default is MISSING and field.default_factory is MISSING
     default = None if required or field.default is MISSING else field.default
     return _Member(field.name, get_args(hint)[0] if marks else hint, about, bound, required, default)
+
+
+def _or(value: float | None, other: float) -> float:
+    return other if value is None else value
 
 
 def read(data: Mapping[str, object], kind: type[T], key: str) -> T:

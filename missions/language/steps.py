@@ -182,7 +182,7 @@ BESIDE = ("name", "as", "with", "returns", *COUNTS)
 ONLY_BESIDE = {"with": MISSION, "returns": MISSION, **dict.fromkeys(COUNTS, "parallel")}
 """What stands only beside one behaviour."""
 
-LISTED = "`mission behaviours` lists what there is; your own go into behaviours/NAME.py beside the mission"
+LISTED = "`mission list behaviours` lists what there is; your own go into behaviours/NAME.py beside the mission"
 MISSING = "a behaviour is missing here"
 
 

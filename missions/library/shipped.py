@@ -6,7 +6,7 @@ from pathlib import Path
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
-from config.library import SUFFIXES, find, is_file, wrong_kind
+from config.library import SUFFIXES, UnknownNameError, find, is_file, wrong_kind
 from missions.language.claims import Target
 from missions.language.document import load_plan
 from missions.language.plan import Plan
@@ -17,6 +17,19 @@ HERE = Path(__file__).parents[1]
 
 TESTS = ".test.yaml"
 """The end of the name of a file with tests of a mission."""
+
+
+MOTIONS = {
+    "1": "forward",
+    "2": "spin_left",
+    "3": "spin_right",
+    "4": "square",
+    "5": "triangle",
+    "6": "back_and_forth",
+    "7": "circle_anticlockwise",
+    "8": "circle_clockwise",
+}
+"""The motions of the TurtleBot course by their numbers in it: missions in the folder ``motions``."""
 
 
 @cache
@@ -34,12 +47,15 @@ def find_mission(name: str, beside: Path = Path()) -> Path:
     """Return the file that ``name`` means: one in the folder ``beside``, else a name in the library.
 
     The name of a file needs no suffix. A mission in a folder of the library may be named without the folder, where that
-    is unique. Raises config.library.UnknownNameError with what may be meant.
+    is unique, and a motion of the course by its number. Raises config.library.UnknownNameError with what may be meant.
     """
     for path in (beside / name, *(beside / f"{name}{suffix}" for suffix in SUFFIXES)):
         if path.suffix in SUFFIXES and is_file(path) and not wrong_kind("missions", path):
             return path
     library = shipped_missions()
+    name = MOTIONS.get(name, name)
+    if name.isdecimal():
+        raise UnknownNameError(f"unknown mission '{name}'; motions of the course go from 1 to 8: mission list motions")
     short = [path for full, path in library.items() if full.rpartition("/")[2] == name]
     if len(short) == 1:
         return short[0]

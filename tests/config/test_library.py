@@ -128,9 +128,9 @@ def test_a_file_beside_the_one_that_names_it_is_meant_from_there(folder: Path) -
 @pytest.mark.parametrize(
     ("kind", "name", "said"),
     [
-        ("missions", "home.yaml", "home.yaml is a world: mission world show home.yaml, or mission run MISSION --world"),
+        ("missions", "home.yaml", "home.yaml is a world: mission show home.yaml, or mission run MISSION --world"),
         ("missions", "ask.test.yaml", "ask.test.yaml is a test: mission test ask.test.yaml"),
-        ("missions", "ask.mcap", "ask.mcap is a record: mission replay ask.mcap"),
+        ("missions", "ask.mcap", "ask.mcap is a record: mission record replay ask.mcap"),
         ("worlds", "ask.yaml", "ask.yaml is a mission: mission run ask.yaml"),
         ("robots", "home.yaml", "home.yaml is a world: "),
         ("missions", "home.yml", "'home.yml': no such file; home.yaml is a world: "),

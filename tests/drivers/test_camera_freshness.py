@@ -66,7 +66,7 @@ def test_a_camera_that_hangs_is_told_of_once_with_what_to_do_and_so_is_its_retur
     assert watched.notices == []
     watched.show(repeat(STILL), 5.0)
     assert watched.told() == [("fault", "camera: the same picture for 3 s")]
-    assert "mission camera list" in watched.notices[0].hint
+    assert "mission robot camera list" in watched.notices[0].hint
     assert watched.freshness.trouble == ("camera: the same picture for 3 s", watched.notices[0].hint)
     watched.show(fresh(), 0.1)
     assert watched.told()[1:] == [("online", "camera: fresh pictures again")]

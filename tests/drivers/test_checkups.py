@@ -158,7 +158,7 @@ def test_a_hot_servo_and_one_that_has_shut_down_say_how_to_go_on(bus: Site, serv
     assert (hot[0].verdict, hot[0].what) == ("warning", "66 degC: at 70 degC it shuts down")
     assert hot[0].cure.startswith("mission servo torque off joint1 --robot ROBOT")
     assert (shut[0].verdict, shut[0].what) == ("wrong", "it has shut down: overload")
-    assert shut[0].cure == "remove the cause, then: mission servo recover --robot ROBOT"
+    assert shut[0].cure == "remove the cause, then: mission servo torque recover --robot ROBOT"
 
 
 def test_another_model_a_missing_servo_and_limits_that_do_not_suit_are_told(
@@ -266,7 +266,11 @@ def exposed(patch: pytest.MonkeyPatch, picture: Image) -> Finding:
 
 def test_a_camera_that_is_not_plugged_in_is_told_at_once() -> None:
     (found,) = look_through(CameraKeys(source="987"), Site(ManualClock()))
-    assert (found.verdict, found.what, found.cure) == ("wrong", "/dev/video987 is not there", "mission camera list")
+    assert (found.verdict, found.what, found.cure) == (
+        "wrong",
+        "/dev/video987 is not there",
+        "mission robot camera list",
+    )
 
 
 def test_a_lidar_tells_who_it_is_and_how_it_feels_and_does_not_turn(sockets: Sockets) -> None:

@@ -156,7 +156,7 @@ def test_the_tools_name_it_show_its_registers_and_set_its_id(
         scan = run("servo scan --ids 0-3 --json")
         assert json.loads(scan.out)["model"] == "SCS0009"
         assert "SCS0009" in run("servo info 1").out
-        assert run("servo set-id 1 2 --yes").code == 0
+        assert run("servo set 1 id 2 --yes").code == 0
         assert servo.get("id") == 2
 
 

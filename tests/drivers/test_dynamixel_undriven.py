@@ -106,7 +106,7 @@ def test_two_servos_with_one_id_are_left_alone_until_one_is_unplugged(make: Make
     arm = make({"elbow": JointSpec(1), "wrist": JointSpec(2)}, servos=VirtualServoBus([one, other, VirtualServo(2)]))
     arm.start()
     assert "shares its ID with another servo" in arm.joints.health().detail
-    assert "set-id 1 NEW" in arm.joints.health().hint
+    assert "set 1 id NEW" in arm.joints.health().hint
     arm.joints.move({"elbow": 0.0, "wrist": 0.3})
     arm.until(lambda: arm.at("wrist", 0.3))
     assert one.limp

@@ -145,7 +145,7 @@ def test_a_new_servo_among_others_is_found_at_its_own_rate_with_the_cure() -> No
     heard, _ = asked(adapter("0403:6014"), chain)
     assert heard.trouble is not None
     assert heard.trouble.what == "servos at 2 rates on one wire"
-    assert heard.trouble.cure == "mission servo set-baud 1 1000000 --baud 57600 --port /dev/ttyUSB0"
+    assert heard.trouble.cure == "mission servo set 1 baud 1000000 --baud 57600 --port /dev/ttyUSB0"
 
 
 # --- desk 5: a silent servo -------------------------------------------------------------------------------------------

@@ -263,9 +263,9 @@ class Table:
 
 
 COMMANDS = (
-    *("set-id {told} {free}", "set-id j{told} {free}", "set-baud {told} 115200", "set-baud all 115200"),
+    *("set {told} id {free}", "set j{told} id {free}", "set {told} baud 115200", "set all baud 115200"),
     *("set {told} temperature_limit 60", "set all temperature_limit 60", "set {told} torque_enable 0"),
-    *("calibrate --seconds 0.5", "calibrate j{told} --seconds 0.5", "torque on", "torque off", "reboot {told}"),
+    *("calibrate --seconds 0.5", "calibrate j{told} --seconds 0.5", "torque on", "torque off", "torque restart {told}"),
     "home --seconds 0.5 --into bus.json",
 )
 

@@ -1,4 +1,4 @@
-"""The ``mission camera`` command."""
+"""The ``mission robot camera`` command."""
 
 from collections.abc import Callable
 from dataclasses import astuple
@@ -39,7 +39,7 @@ def plugged_in(monkeypatch: pytest.MonkeyPatch, *devices: CameraDevice) -> None:
 
 def test_list_names_the_cameras_and_what_to_type_next(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
     plugged_in(monkeypatch, CameraDevice(Path("/dev/video2"), "HD Webcam", ((640, 480), (1280, 720))))
-    outcome = mission("camera", "list")
+    outcome = mission("robot", "camera", "list")
     assert outcome.code == 0
     assert outcome.out.splitlines()[0] == "/dev/video2  HD Webcam  640x480 1280x720"
     assert "mission run greet --camera 2" in outcome.out
@@ -48,7 +48,7 @@ def test_list_names_the_cameras_and_what_to_type_next(mission: Mission, monkeypa
 def test_list_says_how_to_get_the_right_to_a_camera(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
     plugged_in(monkeypatch, CameraDevice(Path("/dev/video0"), "HD Webcam", trouble="permission denied"))
     monkeypatch.setattr(camera, "explain_denied", lambda path: ("no permission", f"ls -l {path}"))
-    outcome = mission("camera", "list")
+    outcome = mission("robot", "camera", "list")
     assert "permission denied" in outcome.out
     assert "try: ls -l /dev/video0" in outcome.err
 
@@ -56,17 +56,17 @@ def test_list_says_how_to_get_the_right_to_a_camera(mission: Mission, monkeypatc
 def test_list_says_how_a_csi_camera_is_read(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
     csi = CameraDevice(Path("/dev/video0"), "unicam-image", trouble=CSI_TROUBLE, csi=True)
     plugged_in(monkeypatch, csi)
-    outcome = mission("camera", "list")
+    outcome = mission("robot", "camera", "list")
     assert "OpenCV cannot read" in outcome.out
     assert "--camera 0" not in outcome.out
     assert "rpicam-vid -t 0 -n --codec mjpeg" in outcome.err
     plugged_in(monkeypatch, csi, CameraDevice(Path("/dev/video8"), "HD Webcam", ((640, 480),)))
-    assert "mission run greet --camera 8" in mission("camera", "list").out
+    assert "mission run greet --camera 8" in mission("robot", "camera", "list").out
 
 
 def test_without_a_camera_list_fails_and_says_what_to_try(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
     plugged_in(monkeypatch)
-    outcome = mission("camera", "list")
+    outcome = mission("robot", "camera", "list")
     assert (outcome.code, outcome.out) == (1, "")
     assert "no camera is plugged in" in outcome.err
     assert "try: lsusb" in outcome.err
@@ -75,11 +75,11 @@ def test_without_a_camera_list_fails_and_says_what_to_try(mission: Mission, monk
 def test_a_calibration_is_printed_as_a_robot_file_has_it_and_kept_on_request(mission: Mission, boards: Path) -> None:
     mine = Path("mine.yaml")
     mine.write_text("robot: mine\ncamera:\n  source: 0  # mine\n")
-    outcome = mission("camera", "calibrate", str(boards), *BOARD)
+    outcome = mission("robot", "camera", "calibrate", str(boards), *BOARD)
     assert outcome.code == 0
     assert outcome.out.splitlines()[1] == "camera:"
     Path("pasted.yaml").write_text("robot: pasted\n" + outcome.out)
-    outcome = mission("camera", "calibrate", str(boards), *BOARD, "--keep", "mine.yaml")
+    outcome = mission("robot", "camera", "calibrate", str(boards), *BOARD, "--keep", "mine.yaml")
     assert outcome.code == 0
     assert "kept in mine.yaml" in outcome.err
     assert "source: 0  # mine" in mine.read_text()
@@ -109,20 +109,20 @@ def test_mistakes_are_told_before_anything_is_looked_at(
     mission: Mission, arguments: tuple[str, ...], words: str
 ) -> None:
     Path("blind.yaml").write_text("robot: blind\n")
-    outcome = mission("camera", "calibrate", *arguments)
+    outcome = mission("robot", "camera", "calibrate", *arguments)
     assert outcome.code == 2
     assert words in outcome.err
 
 
 def test_a_wrong_board_fails_with_what_to_try(mission: Mission, boards: Path) -> None:
     one = str(boards / "00.png")
-    outcome = mission("camera", "calibrate", one, "--board", "8x5", "--square", "25 mm")
+    outcome = mission("robot", "camera", "calibrate", one, "--board", "8x5", "--square", "25 mm")
     assert outcome.code == 1
     assert "different views of the board" in outcome.err
     assert "is --board right?" in outcome.err
 
 
 def test_a_camera_that_is_not_there_is_a_device_error(mission: Mission) -> None:
-    outcome = mission("camera", "calibrate", "97", *BOARD, "--seconds", "0.5")
+    outcome = mission("robot", "camera", "calibrate", "97", *BOARD, "--seconds", "0.5")
     assert outcome.code == 3
     assert "/dev/video97: no such device" in outcome.err

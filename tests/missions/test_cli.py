@@ -19,7 +19,7 @@ from packaging.utils import canonicalize_name
 from behaviours.catalogue import LEAVES
 from config.defaults import config_folder
 from config.library import find
-from missions.cli.root import COMMANDS
+from missions.cli.commands import COMMANDS
 from tests.missions.command import Outcome, Process, command, events_of
 from tests.waiting import wait_until
 
@@ -45,7 +45,7 @@ def test_help_names_every_command_and_imports_none_of_them() -> None:
     )
     code += "print([name for name in sys.modules if name in ('cv2', 'numpy', 'py_trees', 'yaml', 'rich')])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert all(name in out for name in COMMANDS)
+    assert all(f"  {name} " in out for name in COMMANDS if " " not in name)
     assert out.rstrip().endswith("[]")
 
 
@@ -61,7 +61,7 @@ def test_threads_of_openblas_sleep_at_once_unless_somebody_wants_it_otherwise(gi
 
 def test_every_command_has_help_of_its_own(mission: Mission) -> None:
     for name in COMMANDS:
-        outcome = mission(name, "--help")
+        outcome = mission(*name.split(), "--help")
         assert outcome.code == 0
         assert len(outcome.out.splitlines()) > 4
         assert "\\" not in outcome.out, name
@@ -209,13 +209,13 @@ def test_events_that_cannot_be_written_are_a_usage_error(mission: Mission) -> No
 
 
 def test_the_catalogue_names_every_leaf_with_its_arguments_units_and_claims(mission: Mission) -> None:
-    listed = mission("behaviours").out
+    listed = mission("list", "behaviours").out
     assert all(word in listed for word in LEAVES)
-    one = mission("behaviours", "drive").out
+    one = mission("show", "behaviour", "drive").out
     assert "distance: length (m, cm, mm); must be given; may stand alone" in one
     assert "speed: speed (m/s, cm/s, mm/s), 0.01 m/s to 0.7 m/s; default 0.2 m/s" in one
     assert "claims: base" in one
-    entries = {entry["name"]: entry for entry in json.loads(mission("behaviours", "--json").out)}
+    entries = {entry["name"]: entry for entry in json.loads(mission("list", "behaviours", "--json").out)}
     assert entries.keys() == LEAVES.keys()
     assert entries["find_face"]["claims"] == ["head"]
 
@@ -228,7 +228,7 @@ def test_every_leaf_and_argument_says_what_it_is_for() -> None:
 
 
 def test_an_unknown_behaviour_in_the_catalogue_suggests_another(mission: Mission) -> None:
-    outcome = mission("behaviours", "trak_face")
+    outcome = mission("show", "behaviour", "trak_face")
     assert outcome.code == 2
     assert "did you mean 'track_face'?" in outcome.err
 
@@ -291,11 +291,11 @@ def test_the_guard_names_a_module_that_hides_one_of_ours(tmp_path: Path) -> None
 
 
 def test_the_rules_for_serial_ports_come_with_the_package_and_say_how_to_install_them(mission: Mission) -> None:
-    outcome = mission("udev")
+    outcome = mission("robot", "udev")
     assert outcome.code == 0
     assert all(word in outcome.out for word in ('SYMLINK+="kobuki"', 'SYMLINK+="rplidar"', "latency_timer"))
     assert "sudo" not in outcome.out, "it can be written where udev reads it"
-    assert "mission udev | sudo tee /etc/udev/rules.d/99-missiontree.rules" in outcome.err
+    assert "mission robot udev | sudo tee /etc/udev/rules.d/99-missiontree.rules" in outcome.err
 
 
 def test_the_demo_installs_what_the_package_needs_and_no_tools() -> None:
@@ -340,10 +340,10 @@ def test_the_last_line_of_a_command_names_the_files_that_it_has_written(mission:
         (("test", "hello.test.yaml", "--junit", "j.xml"), ["j.xml"]),
         (("show", "hello.yaml", "-o", "h.svg"), ["h.svg"]),
         (("schema", "-o", "s.json"), ["s.json"]),
-        (("world", "show", "empty", "-o", "w.svg"), ["w.svg"]),
+        (("show", "empty", "-o", "w.svg"), ["w.svg"]),
         (("record", "cut", "r.mcap", "0s", "1s", "-o", "c.mcap"), ["c.mcap"]),
         (("record", "export", "r.mcap", "--jsonl", "l.jsonl"), ["l.jsonl"]),
-        (("report", "r.mcap", "-o", "r.html"), ["r.html"]),
+        (("record", "report", "r.mcap", "-o", "r.html"), ["r.html"]),
         (("servo", "play", "greeting", "--dry-run", "--plot", "p.png"), ["p.png"]),
     ):
         outcome = mission(*arguments)

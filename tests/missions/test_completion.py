@@ -169,7 +169,7 @@ def completed(*words: str) -> list[str]:
 @pytest.mark.usefixtures("home")
 def test_tasks_runs_and_files_of_ones_own_are_offered(capsys: pytest.CaptureFixture[str]) -> None:
     assert command(capsys, "task", "add", "greet", "--at", "2099-01-01 18:00").code == 0
-    assert completed("task", "cancel", "") == ["1"]
+    assert completed("task", "remove", "") == ["1"]
     assert completed("stop", "") == []
     with noted("teleop", "kit", ""):
         assert completed("stop", "") == [str(os.getpid())]

@@ -138,7 +138,7 @@ def test_what_ails_servos_is_told_with_cures_for_this_robot_and_ends_with_1(
     assert "  warning shoulder (servo 1): 9.0 V is little for a servo of 12 V\n            try: charge" in told.out
     wanted = (
         "  wrong   elbow (servo 2): it has shut down: overload\n"
-        "            try: remove the cause, then: mission servo recover --robot kit.yaml\n"
+        "            try: remove the cause, then: mission servo torque recover --robot kit.yaml\n"
     )
     assert wanted in told.out
 

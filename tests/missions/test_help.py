@@ -8,7 +8,10 @@ from pathlib import Path
 import click
 import pytest
 
-from missions.cli.root import COMMANDS, GROUPS, mission
+from missions.cli.commands import COMMANDS, OLD_NAMES, new_name
+from missions.cli.root import mission
+from missions.plugin import COMMAND_GROUPS as GROUPS
+from tests.missions.command import command
 
 FILES = (
     "monday.mcap",
@@ -86,7 +89,36 @@ def test_the_help_of_the_command_lists_each_subcommand_once_in_its_group() -> No
     lines = help_of(()).splitlines()
     titles = [lines.index(f"{title}:") for title in GROUPS]
     assert titles == sorted(titles)
-    for start, (title, group) in zip(titles, GROUPS.items(), strict=True):
-        listed = [line.split()[0] for line in lines[start + 1 : start + 99] if re.match(r"  \w", line)]
-        assert listed[: len(group)] == list(group), title
-    assert sum(map(len, GROUPS.values())) == len(COMMANDS)
+    ends = [*titles[1:], len(lines) - 1]
+    for title, start, end in zip(GROUPS, titles, ends, strict=True):
+        listed = [line.split()[0] for line in lines[start + 1 : end] if re.match(r"  \w", line)]
+        assert listed == [name for name, it in COMMANDS.items() if it.group == title and " " not in name], title
+    assert len(lines) < 60, "the help fits on a screen: no line on a command takes two"
+
+
+def test_there_are_at_most_30_commands_at_the_top_and_330_options() -> None:
+    assert len(mission.list_commands(click.Context(mission))) <= 30
+    own = [each for of in ALL.values() for each in of.params if isinstance(each, click.Option)]
+    shared = {(path[:-1], each.name) for path, of in ALL.items() for each in getattr(of, "shared", ())}
+    assert len(own) + len(shared) <= 330
+
+
+def test_no_help_shows_more_than_20_options_and_help_all_shows_the_rest(capsys: pytest.CaptureFixture[str]) -> None:
+    for path, of in ALL.items():
+        told = command(capsys, *path, "--help")
+        assert len(re.findall(r"^  (?:-\w, )?--\w", told.out, re.MULTILINE)) <= 20, path
+        if "--help-all" in told.out:
+            every = command(capsys, *path, "--help-all").out
+            flags = [each.opts[-1] for each in of.get_params(click.Context(of)) if not getattr(each, "hidden", False)]
+            assert all(flag in every for flag in flags if flag.startswith("-")), path
+
+
+@pytest.mark.parametrize("old", OLD_NAMES)
+def test_an_old_name_of_a_command_is_refused_with_the_new_one(old: str, capsys: pytest.CaptureFixture[str]) -> None:
+    outcome = command(capsys, *old.split(), "greet")
+    assert outcome.code == 2
+    new = new_name([*old.split(), "greet"])
+    assert f"  try: {new}" in outcome.err
+    if new.startswith("mission "):
+        named = [word for word in new.split()[1:] if word.islower() and not word.startswith("-")]
+        assert any(" ".join(named[:size]) in map(" ".join, ALL) for size in (1, 2)), new

@@ -14,11 +14,10 @@ from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.robot import Robot
 from drivers.api import Pose2D, Sides
 from drivers.kobuki.virtual import VirtualKobuki
-from missions.cli.motion import MOTIONS
 from missions.executive.build import build
 from missions.executive.events import CommandSent, Event, Logged, NodeChanged
 from missions.executive.executive import Result
-from missions.library.shipped import load_mission, shipped_missions
+from missions.library.shipped import MOTIONS, load_mission, shipped_missions
 from missions.plugins.testing.recorders import STOP, Bench, good
 from missions.request import RunRequest, Simulate
 from missions.runner import Runner
@@ -116,20 +115,18 @@ def test_the_motions_go_by_the_numbers_of_the_course() -> None:
 
 
 @pytest.mark.real_time
-def test_mission_motion_lists_them_runs_one_by_its_number_and_knows_no_others(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    listed = command(capsys, "motion").out
-    assert [line.split()[:2] for line in listed.splitlines()] == [list(item) for item in MOTIONS.items()]
-    ran = command(capsys, "motion", "1", "--param", "distance=5 cm", "--json")
+def test_motions_are_listed_and_run_by_their_numbers(capsys: pytest.CaptureFixture[str]) -> None:
+    listed = command(capsys, "list", "motions").out
+    assert [line.split()[:2] for line in listed.splitlines()[1:]] == [list(item) for item in MOTIONS.items()]
+    ran = command(capsys, "run", "1", "--param", "distance=5 cm", "--json")
     assert ran.code == 0
     assert '"mission": "forward"' in ran.out
-    named = command(capsys, "motion", "circle_clockwise", "--param", "radius=1 mm")
+    named = command(capsys, "run", "circle_clockwise", "--param", "radius=1 mm")
     assert named.code == 2
     assert "'radius' must be at least 0.05 m" in named.err
-    wrong = command(capsys, "motion", "9")
+    wrong = command(capsys, "run", "9")
     assert wrong.code == 2
-    assert "there is no motion '9'; there are 1 forward, 2 spin_left" in wrong.err
+    assert "unknown mission '9'; motions of the course go from 1 to 8: mission list motions" in wrong.err
 
 
 # --- the rest, on the whole simulated robot --------------------------------------------------------------------------

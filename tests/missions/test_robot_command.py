@@ -38,7 +38,7 @@ def test_a_robot_that_is_used_is_the_one_that_is_meant_by_mine(mission: Mission)
     told = mission("robot", "use", "humanoid")
     assert told.code == 0
     assert "humanoid is this computer's robot now" in told.out
-    assert "next: mission run greet --on-robot" in told.out
+    assert "next: mission run greet --robot mine" in told.out
     assert load_defaults().robot == "humanoid"
     shown = mission("robot", "show").out
     assert shown.startswith("humanoid  ")
@@ -92,7 +92,7 @@ NOTE = "the robot is 'so101', this computer's own by {0}/defaults.yaml: --robot 
 def test_an_error_about_a_robot_that_was_not_named_says_where_its_name_is_from(mission: Mission) -> None:
     mission("robot", "use", "so101")
     note = NOTE.format(config_folder())
-    for line in ("run square_3m --simulate fast", "run wave --on-robot --no-record", "robot check --root /nowhere"):
+    for line in ("run square_3m --simulate fast", "run wave --robot mine --no-record", "robot check --root /nowhere"):
         told = mission(*line.split())
         assert told.code != 0
         if "--root" not in line:
@@ -161,14 +161,10 @@ def test_a_robot_that_is_no_robot_is_not_used(mission: Mission, tmp_path: Path) 
     assert load_defaults().robot == ""
 
 
-def test_on_robot_runs_on_it_and_on_no_other(mission: Mission) -> None:
-    assert "mission robot use NAME" in mission("run", "greet", "--on-robot").err
-    for other in (("--robot", "humanoid"), ("--simulate", "fast")):
-        told = mission("run", "greet", "--on-robot", *other)
-        assert told.code == 2
-        assert "--on-robot moves this computer's robot" in told.err
+def test_robot_mine_runs_on_it(mission: Mission) -> None:
+    assert "mission robot use NAME" in mission("run", "greet", "--robot", "mine").err
     mission("robot", "use", "turtlebot2_arm")
-    told = mission("run", "greet", "--on-robot", "--port", "base=/dev/null", "--no-record")
+    told = mission("run", "greet", "--robot", "mine", "--port", "base=/dev/null", "--no-record")
     assert told.code == 3
     assert "base: /dev/null: no serial port" in told.err
 

@@ -1,4 +1,4 @@
-"""`mission ros2` and `mission place` on a simulated TurtleBot 4; missions in which it drives by Nav2."""
+"""`mission ros2` and `mission ros2 place` on a simulated TurtleBot 4; missions in which it drives by Nav2."""
 
 import base64
 import json
@@ -76,7 +76,7 @@ def test_topics_nodes_messages_and_places_of_a_robot_are_shown_without_ros(missi
     assert json.loads(first)["child_frame_id"] == "base_link"
     unknown = mission("ros2", "echo", "/nobody", *at)
     assert (unknown.code, "nobody sends /nobody" in unknown.err) == (3, True)
-    assert mission("place", "add", "kitchen", *at).out.startswith("kitchen: 0.00 m, 0.00 m, 0 deg")
+    assert mission("ros2", "place", "add", "kitchen", *at).out.startswith("kitchen: 0.00 m, 0.00 m, 0 deg")
 
 
 @pytest.mark.real_time
@@ -122,17 +122,17 @@ def test_places_are_kept_by_name_and_driven_to(mission: Mission) -> None:
     refused = mission("run", "straight.yaml", "--robot", "turtlebot4", "--simulate", "fast")
     assert refused.code == 1
     assert "there is no place 'kitchen': there are none yet" in refused.out
-    assert mission("place", "add", "kitchen", "--at", "0.5 m, 0.4 m, 90 deg").code == 0
-    assert mission("place", "list").out == 'places:\n  "kitchen": {x: 0.500 m, y: 0.400 m, heading: 90.0 deg}\n'
+    assert mission("ros2", "place", "add", "kitchen", "--at", "0.5 m, 0.4 m, 90 deg").code == 0
+    assert mission("ros2", "place", "list").out == 'places:\n  "kitchen": {x: 0.500 m, y: 0.400 m, heading: 90.0 deg}\n'
     assert mission("run", "straight.yaml", "--robot", "turtlebot4", "--simulate", "fast").code == 0
-    assert mission("place", "remove", "kitchen").out.startswith("kitchen: forgotten  (")
-    assert "no places yet" in mission("place", "list").out
-    wrong = mission("place", "add", "cellar", "--at", "here")
+    assert mission("ros2", "place", "remove", "kitchen").out.startswith("kitchen: forgotten  (")
+    assert "no places yet" in mission("ros2", "place", "list").out
+    wrong = mission("ros2", "place", "add", "cellar", "--at", "here")
     assert (wrong.code, "give x, y and heading" in wrong.err) == (2, True)
 
 
 def test_a_place_behind_a_wall_is_given_up_with_nav2s_reason(mission: Mission) -> None:
-    mission("place", "add", "kitchen", "--at", "50 m, 0 m, 0 deg")
+    mission("ros2", "place", "add", "kitchen", "--at", "50 m, 0 m, 0 deg")
     told = mission("run", "straight.yaml", "--robot", "turtlebot4", "--simulate", "fast", "--world", "square_arena")
     assert told.code == 1
     assert "navigate_to_pose: it made no progress (error 105)" in told.out
@@ -194,13 +194,13 @@ def test_a_frame_that_is_nowhere_is_no_place_and_named(x: float, w: float, why: 
 def test_only_places_that_can_be_read_again_are_written(mission: Mission) -> None:
     at = ("--at", "0.5 m, 0.4 m, 90 deg")
     for name in ("yes", "17", "Anna Küche-2"):
-        assert mission("place", "add", name, *at).code == 0
+        assert mission("ros2", "place", "add", name, *at).code == 0
     for name in ("a: {b", "", " ", "a\nb", "x" * 41):
-        assert mission("place", "add", name, *at).code == 2, name
-    assert mission("place", "add", "nowhere", "--at", "nan m, 0 m, 0 deg").code == 2
-    listed = mission("place", "list")
+        assert mission("ros2", "place", "add", name, *at).code == 2, name
+    assert mission("ros2", "place", "add", "nowhere", "--at", "nan m, 0 m, 0 deg").code == 2
+    listed = mission("ros2", "place", "list")
     assert (listed.code, listed.out.count("heading")) == (0, 3)
-    assert mission("place", "add", "kitchen", *at, "--robot", "turtlebot2").code == 2
+    assert mission("ros2", "place", "add", "kitchen", *at, "--robot", "turtlebot2").code == 2
 
 
 def test_missions_are_not_offered_to_a_network_without_keys(mission: Mission) -> None:

@@ -114,7 +114,7 @@ def test_a_record_of_both_decides_the_same_again(tmp_path: Path, capsys: pytest.
     mission, robot = written(tmp_path)
     record = str(tmp_path / "both.mcap")
     assert command(capsys, "run", mission, "--robot", robot, "--simulate", "fast", "--record", record).code == 0
-    again = command(capsys, "replay", record, "--rerun")
+    again = command(capsys, "record", "rerun", record)
     assert (again.code, "no difference" in again.out) == (0, True)
 
 
@@ -253,7 +253,7 @@ def test_a_record_of_one_arm_that_copies_the_other_decides_the_same_again(
     mission, robot = written(tmp_path, MIRROR.replace("40 deg", "0 deg"))
     record = str(tmp_path / "both.mcap")
     assert command(capsys, "run", mission, "--robot", robot, "--simulate", "fast", "--record", record).code == 0
-    again = command(capsys, "replay", record, "--rerun")
+    again = command(capsys, "record", "rerun", record)
     assert (again.code, "no difference" in again.out) == (0, True)
 
 

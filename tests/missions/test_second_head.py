@@ -132,7 +132,7 @@ def test_a_record_of_it_decides_the_same_again(tmp_path: Path, capsys: pytest.Ca
     record = tmp_path / "both.mcap"
     run = command(capsys, "run", str(mission), "--robot", str(robot), "--simulate", "fast", "--record", str(record))
     assert run.code == 0
-    again = command(capsys, "replay", str(record), "--rerun")
+    again = command(capsys, "record", "rerun", str(record))
     assert again.code == 0
     assert "no difference" in again.out
 

@@ -100,7 +100,7 @@ def test_with_a_robot_its_lens_and_its_detector_count(mission: Mission) -> None:
     Path("net.yaml").write_text("robot: net\ncamera: {detector: yunet}\n")
     outcome = mission("see", "--robot", "net.yaml", "room.png")
     assert outcome.code == 2
-    assert "mission models fetch yunet" in outcome.err
+    assert "mission robot models fetch yunet" in outcome.err
 
 
 def test_whose_faces_they_are_is_said_on_request(mission: Mission) -> None:

@@ -85,7 +85,7 @@ def healthy(seed: int, run: Run, patch: pytest.MonkeyPatch) -> list[str]:
         servo.set("torque_enable", int(stiff))
     wrong = []
     lines = [
-        (f"set-id {case.told} 77", 1 + stiff),  # stiff: somebody holds it
+        (f"set {case.told} id 77", 1 + stiff),  # stiff: somebody holds it
         (f"set 77 id {case.told}", 1),
         ("set all temperature_limit 60", 1 + (stiff and len(case.chain.servos) > 1)),
         ("set all temperature_limit 60", 0),

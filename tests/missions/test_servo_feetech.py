@@ -49,10 +49,10 @@ def test_what_could_make_one_leap_or_deaf_is_refused_and_a_rate_that_it_has_is_s
         outcome = mission(f"servo set elbow_flex {told} --robot so101 --simulate --yes")
         assert outcome.code != 0
         assert words in outcome.err
-    assert "the STS protocol has no restart" in mission("servo reboot elbow_flex --robot so101 --simulate").err
-    assert mission("servo set-baud elbow_flex 76800 --robot so101 --simulate --yes").code == 0
+    assert "the STS protocol has no restart" in mission("servo torque restart elbow_flex --robot so101 --simulate").err
+    assert mission("servo set elbow_flex baud 76800 --robot so101 --simulate --yes").code == 0
     assert (
-        "no servo of the STS protocol can run at 9600" in mission("servo set-baud 3 9600 --robot so101 --simulate").err
+        "no servo of the STS protocol can run at 9600" in mission("servo set 3 baud 9600 --robot so101 --simulate").err
     )
 
 

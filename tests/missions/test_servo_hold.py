@@ -33,8 +33,8 @@ COMMANDS = [
     "servo calibrate elbow --seconds 0.2 --robot three.yaml",
     "servo torque off elbow --robot three.yaml",
     "servo set elbow return_delay 0 --robot three.yaml",
-    "servo set-id elbow 9 --robot three.yaml",
-    "servo set-baud elbow 500000 --robot three.yaml",
+    "servo set elbow id 9 --robot three.yaml",
+    "servo set elbow baud 500000 --robot three.yaml",
     "servo set elbow torque_enable 0 --robot three.yaml",
 ]
 
@@ -169,7 +169,7 @@ def test_nobody_is_asked_about_a_joint_that_is_limp_or_gets_more_force(robot: Th
 def test_a_restart_waits_for_enter(robot: Three, run: Run, person: Person) -> None:
     robot.wrist.set("torque_enable", 1)
     person.look = lambda: not robot.wrist.limp
-    outcome = run("servo reboot wrist --robot three.yaml")
+    outcome = run("servo torque restart wrist --robot three.yaml")
     assert (outcome.code, person.seen) == (0, [True] * 4), outcome.err
 
 

@@ -64,7 +64,7 @@ def test_a_scan_tells_in_what_the_servos_are_not_those_of_the_file(servo: Servo,
     assert outcome.code == 1
     assert "waist (servo 1) does not answer" in outcome.err
     assert "elbow (servo 2) is at 57600 baud, the robot file says 1000000" in outcome.err
-    assert "mission servo set-baud 2 1000000 --baud 57600" in outcome.err
+    assert "mission servo set 2 baud 1000000 --baud 57600" in outcome.err
     assert "wrist (servo 3) is not what it should be: XL430-W250, the robot file says XM430-W350" in outcome.err
     assert "write model: XL430-W250" in outcome.err
 
@@ -101,7 +101,7 @@ def test_the_monitor_shows_joints_in_their_own_angles_and_changes_nothing(servo:
     robot.waist.set("torque_enable", 1)
     robot.elbow.turn_by_hand(radians(10) - radians(30))
     before = [bytes(each.table) for each in robot.bus.servos]
-    outcome = servo("monitor", "--once", "--json")
+    outcome = servo("info", "--json")
     joints = json.loads(outcome.out)["joints"]
     assert outcome.code == 0
     assert degrees(joints["elbow"]["position"]) == pytest.approx(30.0, abs=0.3)
@@ -115,7 +115,7 @@ def test_the_monitor_says_which_joint_is_silent_or_has_shut_down(servo: Servo, r
     robot.elbow.present = False
     robot.waist.set("torque_enable", 1)
     robot.waist.overload()
-    outcome = servo("monitor", "--once")
+    outcome = servo("info")
     rows = {line.split()[0]: line for line in outcome.out.splitlines()}
     assert outcome.code == 1
     assert rows["elbow"].endswith("no reply")
@@ -124,7 +124,7 @@ def test_the_monitor_says_which_joint_is_silent_or_has_shut_down(servo: Servo, r
 
 @pytest.mark.real_time
 def test_ctrl_c_ends_the_live_monitor_and_frees_the_port(robot: Three) -> None:
-    process = Process("servo", "monitor", "--robot", "three.yaml", "--json", "--rate", "20", folder=Path.cwd())
+    process = Process("servo", "info", "--robot", "three.yaml", "--json", "--watch", "20", folder=Path.cwd())
     process.wait_for_line(lambda line: '"wrist"' in line)
     assert process.end(signal.SIGINT) == 130
     open_port("test", robot.terminal.path, 1_000_000).close()
@@ -184,19 +184,19 @@ def test_what_cannot_be_set_is_said_with_what_may_be_meant(
 
 
 def test_a_servo_gets_another_id_unless_that_is_taken(servo: Servo, robot: Three) -> None:
-    outcome = servo("set-id", "2", "1", "--yes")
+    outcome = servo("set", "2", "id", "1", "--yes")
     assert (outcome.code, robot.elbow.get("id")) == (3, 2)
     assert "there is a servo with that ID already" in outcome.err
-    assert servo("set-id", "2", "7", "--yes").code == 0
+    assert servo("set", "2", "id", "7", "--yes").code == 0
     assert robot.elbow.get("id") == 7
 
 
 def test_servos_get_another_rate_and_are_found_at_it(servo: Servo, robot: Three) -> None:
-    outcome = servo("set-baud", "all", "57600", "--yes")
+    outcome = servo("set", "all", "baud", "57600", "--yes")
     assert outcome.code == 0, outcome.err
     assert "the robot file must say baud: 57600" in outcome.err
-    assert servo("monitor", "--once").code == 1
-    assert servo("monitor", "--once", "--baud", "57600").code == 0
+    assert servo("info").code == 1
+    assert servo("info", "--baud", "57600").code == 0
     assert robot.wrist.get("baud") == baud_code(57_600, 2)
 
 
@@ -252,7 +252,7 @@ def test_a_joint_that_does_not_arrive_fails_with_where_it_is(servo: Servo, robot
         (("move", "elbow", "30 deg", "--speed", "0 deg/s"), 2, "above 0"),
         (("torque", "on", "elbwo"), 2, "did you mean 'elbow'?"),
         (("move", "elbow", "30 deg", "--simulate", "--port", "/dev/u2d2"), 2, "--port names a real port"),
-        (("reboot", "elbow"), 3, "protocol 1.0 has no restart"),
+        (("torque", "restart", "elbow"), 3, "protocol 1.0 has no restart"),
     ],
 )
 def test_what_makes_no_sense_is_said_in_words(servo: Servo, arguments: tuple[str, ...], code: int, words: str) -> None:
@@ -267,19 +267,19 @@ def test_an_overloaded_servo_is_recovered_where_it_stands(servo: Servo, robot: T
     robot.wrist.overload()
     wait_until(lambda: robot.elbow.get("torque_limit") == 0 and robot.wrist.get("hardware_error") != 0)
     robot.elbow.turn_by_hand(radians(25))
-    outcome = servo("recover")
+    outcome = servo("torque", "recover")
     assert (outcome.code, outcome.out) == (0, "stiff again: elbow, wrist\n"), outcome.err
     assert not robot.elbow.limp
     assert robot.elbow.angle == pytest.approx(radians(25), abs=0.01)
     assert (robot.wrist.get("hardware_error"), robot.wrist.limp) == (0, False)  # it has started again for that
-    assert servo("recover").out == "no servo has shut down\n"
+    assert servo("torque", "recover").out == "no servo has shut down\n"
 
 
 def test_a_recovered_arm_is_limp_again_where_its_file_asks_for_that_and_it_is_said(servo: Servo, robot: Three) -> None:
     robot.wrist.set("torque_enable", 1)
     robot.wrist.overload()
     wait_until(lambda: robot.wrist.get("hardware_error") != 0)
-    outcome = servo("recover")
+    outcome = servo("torque", "recover")
     said = "stiff again: wrist\nlimp again, as the robot file asks (at_end: relax)\n"
     assert (outcome.code, outcome.out) == (0, said), outcome.err
     assert robot.wrist.limp
@@ -292,7 +292,7 @@ def test_a_servo_that_does_not_come_back_from_a_recovery_is_said_to_be_limp(
     robot.wrist.set("torque_enable", 1)
     robot.wrist.overload()
     wait_until(lambda: robot.wrist.get("hardware_error") != 0)
-    outcome = servo("recover")
+    outcome = servo("torque", "recover")
     assert (outcome.code, outcome.out) == (1, "")
     assert "still limp: wrist" in outcome.err
 
@@ -305,8 +305,9 @@ def test_torque_does_not_go_on_where_a_servo_has_shut_down(servo: Servo, robot: 
     outcome = servo("torque", "on")
     assert (outcome.code, outcome.out) == (1, "waist (servo 1) is stiff\n")
     for title in ("elbow (servo 2)", "wrist (servo 3)"):
-        assert f"{title}: has shut down, and was left as it is\n  try: free the joint, then `mission servo recover" in (
-            outcome.err
+        assert (
+            f"{title}: has shut down, and was left as it is\n  try: free the joint, then `mission servo torque recover"
+            in (outcome.err)
         )
     assert robot.elbow.get("torque_limit") == 0
 
@@ -334,7 +335,7 @@ def test_a_servo_of_protocol_2_restarts(servo: Servo, robot: Three) -> None:
     robot.wrist.set("torque_enable", 1)
     robot.wrist.overload()
     wait_until(lambda: robot.wrist.get("hardware_error") != 0)
-    outcome = servo("reboot", "wrist")
+    outcome = servo("torque", "restart", "wrist")
     assert outcome.code == 0, outcome.err
     assert (robot.wrist.get("hardware_error"), robot.wrist.limp) == (0, True)
 
@@ -347,12 +348,12 @@ def test_a_port_that_is_not_there_says_what_to_type(capsys: pytest.CaptureFixtur
 
 
 def test_without_a_robot_all_is_simulated(capsys: pytest.CaptureFixture[str]) -> None:
-    outcome = command(capsys, "servo", "monitor", "--once", "elbow", "gripper")
+    outcome = command(capsys, "servo", "info", "elbow", "gripper")
     assert [line.split()[0] for line in outcome.out.splitlines()] == ["joint", "elbow", "gripper"]
     assert outcome.err == "simulated servos; name --robot or --port for real ones\n"
 
 
-@pytest.mark.parametrize("line", ["recover", "move elbow 5 deg", "info elbow", "set all return_delay 250"])
+@pytest.mark.parametrize("line", ["torque recover", "move elbow 5 deg", "info elbow", "set all return_delay 250"])
 def test_what_is_done_to_simulated_servos_is_said_to_be(line: str, capsys: pytest.CaptureFixture[str]) -> None:
     outcome = command(capsys, "servo", *line.split())
     assert outcome.code == 0, outcome.err
@@ -360,5 +361,5 @@ def test_what_is_done_to_simulated_servos_is_said_to_be(line: str, capsys: pytes
 
 
 def test_what_is_done_to_real_servos_is_not_called_simulated(servo: Servo) -> None:
-    assert servo("monitor", "--once").err == ""
-    assert servo("monitor", "--once", "--simulate").err == "simulated servos, as --simulate asks\n"
+    assert servo("info").err == ""
+    assert servo("info", "--simulate").err == "simulated servos, as --simulate asks\n"

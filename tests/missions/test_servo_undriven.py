@@ -69,13 +69,13 @@ def test_two_servos_whose_pings_agree_are_not_taken_for_one_that_answers_pings_a
     outcome = run("servo set 2 status_return_level 2 --yes")
     assert outcome.code == 3
     assert "damaged" in outcome.err
-    assert run("servo set-id 2 9 --yes").code == 3
+    assert run("servo set 2 id 9 --yes").code == 3
     assert [robot.waist.number, robot.elbow.number] == [2, 2]
 
 
 def test_an_id_that_servos_of_both_protocols_have_is_refused(robot: Three, capsys: pytest.CaptureFixture[str]) -> None:
     robot.wrist.set("id", 1)
-    words = ("servo", "set-id", "1", "9", "--yes", "--port", robot.terminal.path)
+    words = ("servo", "set", "1", "id", "9", "--yes", "--port", robot.terminal.path)
     outcome = command(capsys, *words)
     assert outcome.code == 3
     assert "two servos have ID 1: model 12 (protocol 1.0) and model 1060 (protocol 2.0)" in outcome.err

@@ -45,7 +45,7 @@ def test_events_and_records_say_which_node_was_skipped(folder: Path, capsys: pyt
     assert (9, "if", "success", "there") in ends
     assert [status for _, kind, status, _ in ends if kind == "sequence"] == ["success"]
     assert "»" in command(capsys, "show", "r.mcap", "--at", "0s").out
-    assert command(capsys, "replay", "r.mcap").code == 0
+    assert command(capsys, "record", "replay", "r.mcap").code == 0
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pyt
         ("greet", "no such command: 'greet'\n  try: mission run greet\n"),
         ("mine.yaml", "no such command: 'mine.yaml'\n  try: mission run mine.yaml\n"),
         ("xyzzy", "no such command: 'xyzzy'\n  try: mission --help\n"),
-        ("world living_room", "try: mission world show living_room\n"),
+        ("world living_room", "try: mission show living_room\n"),
         ("run ask.yaml to=Anna", "unexpected: to=Anna\n  try: --param to=Anna\n"),
         ("run ask.yaml to=Anna fast", "unexpected: to=Anna fast\n  try: --param to=Anna\n"),
         ("run ask.yaml more", "unexpected: more\n"),
@@ -47,7 +47,7 @@ def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pyt
         ("run greet --world ask.yaml", "ask.yaml is a mission: mission run ask.yaml\n"),
         (
             "run home.yaml",
-            "home.yaml is a world: mission world show home.yaml, or mission run MISSION --world home.yaml\n",
+            "home.yaml is a world: mission show home.yaml, or mission run MISSION --world home.yaml\n",
         ),
         ("test ask.yaml", "write it, beginning with `tests: ask` and `cases:` (docs/testing.md)\n"),
         ("test home.yaml", "home.yaml is a world: "),

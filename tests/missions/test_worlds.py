@@ -1,4 +1,4 @@
-"""From world files to worlds and drawings: what ships, what the docs show, and ``mission world show``."""
+"""From world files to worlds and drawings: what ships, what the docs show, and ``mission show``."""
 
 import re
 import sys
@@ -191,24 +191,24 @@ def test_the_corridor_lets_the_robot_pass_straight_on() -> None:
     assert world.touched(2.0, 0.3, ROBOT, 0.0)
 
 
-# mission world show
+# mission show
 
 
 def test_without_a_file_a_world_is_told_in_words(capsys: pytest.CaptureFixture[str]) -> None:
-    outcome = command(capsys, "world", "show", "stairs")
+    outcome = command(capsys, "show", "stairs")
     assert outcome.code == 0
     assert outcome.out.startswith("stairs: The floor ends")
     assert "edge       no floor: 1.2 m by 2.4 m about [2.4 m, -0.3 m]" in outcome.out
-    assert outcome.out.endswith("To draw it: mission world show stairs -o stairs.svg\n")
+    assert outcome.out.endswith("To draw it: mission show stairs -o stairs.svg\n")
 
 
 def test_a_world_is_drawn_as_a_plan_a_map_and_as_the_camera_sees_it(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     svg, png, view = (str(tmp_path / name) for name in ("plan.svg", "plan.png", "view.png"))
-    assert command(capsys, "world", "show", "party", "-o", svg).code == 0
-    assert command(capsys, "world", "show", "party", "-o", png, "--at", "6 s").code == 0
-    assert command(capsys, "world", "show", "party", "--camera", "-o", view).code == 0
+    assert command(capsys, "show", "party", "-o", svg).code == 0
+    assert command(capsys, "show", "party", "-o", png, "--at", "6 s").code == 0
+    assert command(capsys, "show", "party", "--camera", "-o", view).code == 0
     assert {"party", "robot", "1 m", "Dora"} <= set(texts(Path(svg).read_text(encoding="utf-8")))
     image, seen = cv2.imread(png), cv2.imread(view)
     assert image is not None
@@ -223,7 +223,7 @@ def test_without_its_extra_a_plan_as_png_says_what_to_install(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "resvg_py", None)
-    outcome = command(capsys, "world", "show", "party", "-o", str(tmp_path / "party.png"))
+    outcome = command(capsys, "show", "party", "-o", str(tmp_path / "party.png"))
     assert outcome.code == 2
     assert f"pip install 'missiontree[plots]', or -o {tmp_path / 'party.svg'}" in outcome.err
 
@@ -242,7 +242,7 @@ def test_without_its_extra_a_plan_as_png_says_what_to_install(
 def test_what_cannot_be_drawn_is_said(
     capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], said: str
 ) -> None:
-    outcome = command(capsys, "world", "show", *arguments)
+    outcome = command(capsys, "show", *arguments)
     assert outcome.code == 2
     assert said in outcome.err
 
@@ -250,7 +250,7 @@ def test_what_cannot_be_drawn_is_said(
 def test_a_world_that_is_wrong_is_shown_with_its_place(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "hall.yaml"
     file.write_text("world: hall\npeople:\n  - {name: Anna, at: [9 m, 0 m]}\n", encoding="utf-8")
-    outcome = command(capsys, "world", "show", str(file))
+    outcome = command(capsys, "show", str(file))
     assert outcome.code == 2
     assert "hall.yaml:3:22: Anna is outside the room at [9 m, 0 m]\n" in outcome.err
     assert "  the room is x -3 m to 5 m, y -3 m to 3 m" in outcome.err

@@ -133,14 +133,14 @@ def test_a_grey_picture_will_do_and_a_huge_one_too(faces: YuNetFaces) -> None:
 
 
 def test_a_missing_file_says_how_to_fetch_it(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match=r"absent.onnx is missing\n  try: mission models fetch yunet"):
+    with pytest.raises(FileNotFoundError, match=r"absent.onnx is missing\n  try: mission robot models fetch yunet"):
         YuNetFaces(tmp_path / "absent.onnx").detect(picture())
 
 
 def test_a_file_that_is_no_network_says_how_to_fetch_one(tmp_path: Path) -> None:
     path = tmp_path / "broken.onnx"
     path.write_bytes(b"no network")
-    with pytest.raises(ValueError, match=r"broken.onnx is no network\n  try: mission models fetch yunet"):
+    with pytest.raises(ValueError, match=r"broken.onnx is no network\n  try: mission robot models fetch yunet"):
         YuNetFaces(path).detect(picture())
 
 
@@ -159,14 +159,16 @@ def test_another_network_says_how_to_fetch_the_right_one(
         raise cv2.error("(-215:Assertion failed) outputs.size() == 12")
 
     monkeypatch.setattr(spots, "detect", detect)
-    with pytest.raises(BadModel, match=r"net.onnx is another network than YuNet\n  try: mission models fetch yunet"):
+    with pytest.raises(
+        BadModel, match=r"net.onnx is another network than YuNet\n  try: mission robot models fetch yunet"
+    ):
         faces.detect(picture())
 
 
 def test_the_network_itself_finds_the_astronaut_where_the_cascade_does(astronaut: Image) -> None:
     found = sorted(MODEL.glob("*yunet*.onnx")) if MODEL.is_dir() else []
     if not found:
-        pytest.skip("the YuNet model is not on this machine: mission models fetch yunet")
+        pytest.skip("the YuNet model is not on this machine: mission robot models fetch yunet")
     (face,) = YuNetFaces(found[0]).detect(astronaut)
     (haar,) = HaarFaces().detect(astronaut)
     assert face.box.overlap(haar.box) > 0.6

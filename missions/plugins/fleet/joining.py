@@ -1,4 +1,4 @@
-"""`mission serve --fleet`: this computer's robot as a member of a fleet."""
+"""`mission task serve --fleet`: this computer's robot as a member of a fleet."""
 
 import os
 import re

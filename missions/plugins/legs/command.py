@@ -10,6 +10,7 @@ from config.library import find
 from config.saving import save_file
 from drivers.legs.gait import Gait, blended, mirrored, scaled, sequence
 from drivers.legs.pressure import margins
+from missions.cli.commands import LazyGroup, shared_option
 from missions.cli.names import GAIT, ROBOT
 from missions.cli.numbers import Real, Whole
 from missions.cli.outputs import writing
@@ -26,15 +27,8 @@ SHEET = ".csv"
 MANY = 1000
 """Cycles in one spreadsheet, at most: a quarter of an hour."""
 
-robot_option = click.option("--robot", type=ROBOT, default=LEGGED, show_default=True, help="Whose gait it is: a robot "
+robot_option = shared_option("--robot", type=ROBOT, default=LEGGED, show_default=True, help="Whose gait it is: a robot "
                             "with legs (a name or a file).")  # fmt: skip
-picture_option = click.option(
-    "-o",
-    "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="PICTURE",
-    help="Draw it, as .png or .svg; or film it, as .webm, .mp4 or .avi.",
-)
 output_option = click.option(
     "-o",
     "--output",
@@ -45,9 +39,9 @@ output_option = click.option(
 )
 
 
-@click.group(epilog="Example: mission gait show stroll -o stroll.png")
+@click.group("gait", cls=LazyGroup, epilog="Example: mission gait check stroll")
 def command() -> None:
-    """Look at gaits, check them, and make new ones of stored ones.
+    """Check gaits, and make new ones of stored ones; `mission show GAIT` describes and draws one.
 
     A gait is one that ships, by its name, a gait file, or a spreadsheet of the legs' angles (.csv, .xlsx, .xls, .ods)
     whose last row is the first one again. What the robot cannot do is refused, with the joint and the time, and
@@ -68,14 +62,10 @@ def check(files: tuple[str, ...], robot: str) -> None:
         click.echo(f"{path}: good for {robot}")
 
 
-@command.command(epilog="Example: mission gait show stroll")
-@click.argument("file", type=GAIT, metavar="GAIT")
-@robot_option
-@picture_option
-def show(file: str, robot: str, output: Path | None) -> None:
-    """Say what the legs do in a cycle: each joint with its limits and its speed, and how well it is supported.
+def show_gait(file: str, output: Path | None, robot: str) -> None:
+    """Print the joints' angles and speeds in a cycle, with their limits, and how well the robot is supported.
 
-    A picture shows soles, pelvis and centre of mass over the cycle, and the joints over time; a film two cycles, as
+    A picture has soles, pelvis and centre of mass over the cycle, and the joints over time; a film two cycles, as
     lines from its right and from the front.
     """
     walker = _walker(robot)

@@ -6,7 +6,7 @@ from contextlib import suppress
 from datetime import timedelta
 from pathlib import Path
 from types import TracebackType
-from typing import Any, ParamSpec, Self
+from typing import ParamSpec, Self
 
 import click
 
@@ -14,14 +14,13 @@ from config.reading import files_read
 from drivers.api import DeviceStatus
 from drivers.api.quick import dataclass
 from drivers.clock import time_of_day
-from missions.cli.numbers import InUnit
-from missions.cli.options import SIZE
 from missions.cli.orders import pad_of
 from missions.control.pictures import Pictures
 from missions.executive.events import FaultRaised
 from missions.executive.executive import Result
 from missions.executive.stream import Listener
 from missions.plugins.records import ring
+from missions.plugins.records.options import RecordOptions
 from missions.plugins.records.recording.budget import FRAMES, LIMIT
 from missions.request import RunRequest
 from missions.runner import Runner
@@ -42,73 +41,37 @@ class RecordWish:
     """False for a record that is kept by default: where it cannot be, the run goes on without."""
 
 
-def record_options(command: Any) -> Any:
-    """Add ``--record`` and what belongs to it to a command."""
-    for option in (
-        click.option("--overwrite", is_flag=True, help="Let the record take the place of the file that is there."),
-        click.option(
-            "--record-frames",
-            type=InUnit("Hz", 0, 100),
-            metavar="RATE",
-            help=f"Keep so many of the camera's pictures a second: {FRAMES:g} unless you say otherwise, 0 for none.",
-        ),
-        click.option(
-            "--record-limit",
-            type=SIZE,
-            metavar="SIZE",
-            help=f"How large the record may grow: {LIMIT / 1e9:g} GB unless you say otherwise. Before that, pictures "
-            "become rarer.",
-        ),
-        click.option(
-            "--no-record",
-            is_flag=True,
-            help="Keep nothing of a run on a robot, which is recorded unless your defaults.yaml says `record: false`.",
-        ),
-        click.option(
-            "--record",
-            type=click.Path(path_type=Path),
-            metavar="FILE",
-            help=f"Keep all that happens in FILE{ENDING}, for `mission replay`, `report` and `stats`; in a folder, "
-            "under the mission's name and the time of day.",
-        ),
-    ):
-        command = option(command)
-    return command
-
-
-def record_wish(
-    record: Path | None,
-    limit: float | None,
-    frames: float | None,
-    *,
-    overwrite: bool,
-    mission: str,
-    otherwise: bool = False,
-) -> RecordWish | None:
-    """Return what the options ask for; a record in the user's own folder where nothing is asked, and ``otherwise``.
+def record_wish(options: RecordOptions, request: RunRequest) -> RecordWish | None:
+    """Return what the options ask for; by default a record in the user's own folder, of a run on a robot.
 
     Raises click.UsageError for options that could only be ignored.
     """
-    asked = record is not None
-    if record is None and otherwise:
-        record = ring.records_folder()
-        try:
-            removed = ring.make_room(record, time_of_day().timestamp())
-            if removed:
-                click.echo(f"mission: removed old records from {record}: {', '.join(removed)}", err=True)
-        except OSError as error:  # such as a full disk: a robot does not refuse to move for that
-            click.echo(f"mission: not recorded: {record}: {error.strerror or error}", err=True)
-            record = None
+    record, asked = options.record, options.record is not None
+    if record is None and not options.no_record and ring.wanted(simulated=request.simulation is not None):
+        record = _default_folder()
     if record is None:
-        if limit is not None or frames is not None or overwrite:
+        if options.record_limit is not None or options.record_frames is not None or options.overwrite:
             raise click.UsageError(f"--record-limit, --record-frames and --overwrite go with --record FILE{ENDING}")
         return None
     if record.is_dir():
-        record = _new(record, f"{Path(mission).stem}-{time_of_day().astimezone():%Y-%m-%dT%H-%M-%S}")
+        record = _new(record, f"{Path(request.mission).stem}-{time_of_day().astimezone():%Y-%m-%dT%H-%M-%S}")
     elif record.suffix != ENDING:
         raise click.BadParameter(f"{record}: a record's name ends in {ENDING}", param_hint="--record")
-    wish = RecordWish(record, overwrite=overwrite)
-    return RecordWish(record, limit or wish.limit, wish.frames if frames is None else frames, overwrite, asked)
+    frames = FRAMES if options.record_frames is None else options.record_frames
+    return RecordWish(record, options.record_limit or LIMIT, frames, options.overwrite, asked)
+
+
+def _default_folder() -> Path | None:
+    """Return the folder of records that are kept by default, with room for one more; None if it cannot be made."""
+    folder = ring.records_folder()
+    try:
+        removed = ring.make_room(folder, time_of_day().timestamp())
+    except OSError as error:  # such as a full disk: a robot does not refuse to move for that
+        click.echo(f"mission: not recorded: {folder}: {error.strerror or error}", err=True)
+        return None
+    if removed:
+        click.echo(f"mission: removed old records from {folder}: {', '.join(removed)}", err=True)
+    return folder
 
 
 def _new(folder: Path, name: str) -> Path:

@@ -17,6 +17,7 @@ from config.library import find
 from config.saving import save_file
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
+from missions.cli.commands import LazyGroup, shared_option
 from missions.cli.names import ROBOT, WORLD
 from missions.cli.numbers import InUnit, Whole
 from missions.cli.outputs import writing
@@ -27,7 +28,11 @@ LISTEN = 1.0
 """Seconds in which nodes make themselves known."""
 
 
-@click.group(epilog="Example: mission ros2 topics --router tcp/192.168.1.20:7447")
+@click.group(
+    "ros2",
+    cls=LazyGroup,
+    epilog="Example: mission ros2 topics --router tcp/192.168.1.20:7447",
+)
 def command() -> None:
     """Look round among the nodes of ROS 2, over Zenoh, without ROS."""
 
@@ -35,9 +40,9 @@ def command() -> None:
 def options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the options that say where to look."""
     for option in (
-        click.option("--domain", type=Whole(0, 232), help="The domain; else as the robot file says."),
-        click.option("--router", metavar="ADDRESS", help="Where the router is, instead of the robot's."),
-        click.option("--robot", type=ROBOT, default="turtlebot4", show_default=True, help="A name or a file."),
+        shared_option("--domain", type=Whole(0, 232), help="The domain; else as the robot file says."),
+        shared_option("--router", metavar="ADDRESS", help="Where the router is, instead of the robot's."),
+        shared_option("--robot", type=ROBOT, default="turtlebot4", show_default=True, help="A name or a file."),
     ):
         function = option(function)
     return function

@@ -24,7 +24,7 @@ class MissionServer:
     """Offers ``/run_mission``: each goal is a `mission run` of its own, with ``options``, one at a time.
 
     Feedback is what the run says, line by line; a goal that is cancelled is stopped as by Ctrl-C. ``knows`` says which
-    names are accepted: those of the library, and no path. A run has a leash, as those of `mission serve`: it stops
+    names are accepted: those of the library, and no path. A run has a leash, as those of `mission task serve`: it stops
     when this process ends, however that comes about.
     """
 

@@ -1,4 +1,4 @@
-"""``mission place``: the places of a robot's map, by name."""
+"""``mission ros2 place``: the places of a robot's map, by name."""
 
 from math import cos, degrees, isfinite, sin
 from threading import Event
@@ -12,6 +12,7 @@ from config.places import NAME, PlaceKeys, written_places
 from config.robot import RobotConfig
 from config.units import in_dimension
 from drivers.errors import NotConnected
+from missions.cli.commands import LazyGroup, shared_option
 from missions.cli.names import ROBOT
 from missions.cli.root import SUCCESS
 from missions.library.drivers import load_robot
@@ -26,8 +27,8 @@ BODIES = ("base_link", "base_footprint")
 Frame = tuple[float, float, float]
 
 
-@click.group(epilog="Example: mission place add kitchen --robot turtlebot4")
-def command() -> None:
+@click.group("ros2 place", cls=LazyGroup, epilog="Example: mission ros2 place add kitchen --robot turtlebot4")
+def place() -> None:
     """Name places of a robot's map, for `navigate`."""
 
 
@@ -35,10 +36,10 @@ def _robot(name: str) -> RobotConfig:
     return load_robot(find("robots", name))
 
 
-ON = click.option("--robot", type=ROBOT, default="turtlebot4", show_default=True, help="A name or a file.")
+ON = shared_option("--robot", type=ROBOT, default="turtlebot4", show_default=True, help="A name or a file.")
 
 
-@command.command(epilog="Example: mission place add kitchen --at '1.2 m, 0.4 m, 90 deg'")
+@place.command(epilog="Example: mission ros2 place add kitchen --at '1.2 m, 0.4 m, 90 deg'")
 @click.argument("name")
 @ON
 @click.option("--router", metavar="ADDRESS", help="Where the router is, instead of the robot's.")
@@ -59,17 +60,19 @@ def add(name: str, robot: str, router: str | None, at: str | None) -> int:
     return SUCCESS
 
 
-@command.command("list", epilog="Example: mission place list")
+@place.command("list", epilog="Example: mission ros2 place list")
 @ON
 def list_places(robot: str) -> int:
     """List the places."""
     config = _robot(robot)
     places = places_of(config)
-    click.echo(written_places(places).rstrip() if places else f"no places yet: mission place add NAME --robot {robot}")
+    click.echo(
+        written_places(places).rstrip() if places else f"no places yet: mission ros2 place add NAME --robot {robot}"
+    )
     return SUCCESS
 
 
-@command.command(epilog="Example: mission place remove kitchen")
+@place.command(epilog="Example: mission ros2 place remove kitchen")
 @click.argument("name")
 @ON
 def remove(name: str, robot: str) -> int:

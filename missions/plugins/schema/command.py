@@ -1,13 +1,13 @@
 """``mission schema``: JSON Schemas for editors that know YAML: of missions, tests, robots and worlds."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import click
 
 from config.saving import save_file
-from missions.cli.options import behaviours_option, own_files
+from missions.cli.declared import behaviours_option
+from missions.cli.options import own_files
 from missions.cli.outputs import writing
 from missions.library.drivers import Table
 from missions.library.vocabulary import vocabulary
@@ -16,39 +16,30 @@ from missions.plugins.schema.mission import known_things, mission_schema
 from missions.plugins.schema.robots import robot_reference
 from missions.trees import tree_json
 
-
-def _flags(function: Callable[..., None]) -> Callable[..., None]:
-    """Let a kind be said as a flag, too: `--robot`."""
-    for kind in KINDS:
-        function = click.option(f"--{kind.removesuffix('s')}", "same", flag_value=kind, hidden=True)(function)
-    return function
+TREE = "tree"
+"""The schema of the JSON of a drawn tree, which is no file of a kind."""
 
 
 @click.command(epilog="Example: mission schema -o mission.schema.json")
-@click.argument("kind", type=click.Choice(["missions", *KINDS]), default="missions")
+@click.argument("kind", type=click.Choice(["missions", *KINDS, TREE]), default="missions")
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Write it there.")
-@click.option("--tree", "of_tree", is_flag=True, help="That of the JSON that `mission show --format json` writes.")
 @click.option("--reference", is_flag=True, help="Of robots: every key of every driver that there is, as Markdown.")
-@_flags
 @behaviours_option
-def command(
-    kind: str, output: Path | None, files: tuple[Path, ...], *, same: str | None, of_tree: bool, reference: bool
-) -> None:
+def command(kind: str, output: Path | None, files: tuple[Path, ...], *, reference: bool) -> None:
     """Write the JSON Schema of missions, from which an editor completes, explains and checks them.
 
-    Or that of tests, robots, worlds, gestures, moves, controllers or objects; `--robot` says the same as `robots`. In
-    VS Code, with the YAML extension, after `mission schema -o mission.schema.json`, begin a mission in that folder with
-    the line
+    Or that of tests, robots, worlds, gestures, gaits, moves, controllers, objects, or of the tree that
+    `mission show --format json` writes. In VS Code, with the YAML extension, after
+    `mission schema -o mission.schema.json`, begin a mission in that folder with the line
 
     # yaml-language-server: $schema=mission.schema.json
     """
-    kind = same or kind
     if reference:
         if kind != "robots":
             raise click.UsageError("--reference is for robots: mission schema robots --reference")
         _write(robot_reference(Table()), output)
         return
-    if of_tree:
+    if kind == TREE:
         schema = tree_json.schema()
     elif kind != "missions":
         schema = file_schema(kind)

@@ -1,4 +1,4 @@
-"""``mission camera``: which cameras are plugged in, and what their lenses are like."""
+"""``mission robot camera``: which cameras are plugged in, and what their lenses are like."""
 
 import re
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ from perception.calibration import Board, Calibration, Views, calibrate
 COEFFICIENTS = tuple(field.name for field in fields(DistortionKeys))
 """The coefficients by which a lens bends a picture, in the order that OpenCV has."""
 
-AGAIN = "mission camera calibrate SOURCE --board 9x6 --square '25 mm' --keep FILE"
+AGAIN = "mission robot camera calibrate SOURCE --board 9x6 --square '25 mm' --keep FILE"
 
 
 def lens_entries(field_of_view: float, centre: tuple[float, float], distortion: Sequence[float]) -> dict[str, str]:
@@ -107,12 +107,12 @@ COARSE = 1.0
 """Pixels by which a board may miss a good lens."""
 
 
-@click.group(epilog="Example: mission camera list")
-def command() -> None:
+@click.group(epilog="Example: mission robot camera list")
+def camera() -> None:
     """List cameras, and calibrate them."""
 
 
-@command.command(name="list", epilog="Example: mission camera list")
+@camera.command(name="list", epilog="Example: mission robot camera list")
 def list_command() -> int:
     """List the cameras that are plugged in, with the sizes of their pictures."""
     devices = list_devices()
@@ -147,7 +147,7 @@ def _length(ctx: click.Context, option: click.Parameter, value: str) -> float:
         raise click.BadParameter(f"{error}", ctx=ctx, param=option) from error
 
 
-@command.command(name="calibrate", epilog="Example: mission camera calibrate 0 --board 9x6 --square '25 mm'")
+@camera.command(name="calibrate", epilog="Example: mission robot camera calibrate 0 --board 9x6 --square '25 mm'")
 @click.argument("source", metavar="SOURCE")
 @click.option("--board", required=True, metavar="9x6", callback=_board, help="Its inner corners, where squares meet.")
 @click.option("--square", required=True, metavar='"25 mm"', callback=_length, help="The side of a square.")

@@ -17,6 +17,7 @@ from drivers.errors import BadRequest
 from drivers.head.pantilt import AHEAD, Trimmable
 from drivers.servos.declared import NeckJointKeys
 from missions.assembly.lags import ENOUGH
+from missions.cli.commands import LazyGroup
 from missions.cli.keys import Keys
 from missions.cli.numbers import InUnit
 from missions.cli.origin import robot_file
@@ -100,7 +101,7 @@ SWING, PACE = radians(15), 2.5
 """How far to both sides the head looks about (radians), and rad/s of the phase: 38 degrees a second at most."""
 
 
-@click.group(epilog="Example: mission head where --robot turtlebot2_arm")
+@click.group("head", cls=LazyGroup, epilog="Example: mission head where --robot turtlebot2_arm")
 def command() -> None:
     """The head by hand. Opening the port resets most boards: a Rodney head then stands where its sketch puts it.
 

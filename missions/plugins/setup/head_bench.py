@@ -25,6 +25,7 @@ from missions.assembly.assemble import assemble
 from missions.assembly.assembled import CONNECT_TIME
 from missions.assembly.lags import Lags
 from missions.assembly.together import Hooks, Overrides
+from missions.cli.commands import shared_option
 from missions.cli.keys import interruptible
 from missions.cli.names import ROBOT
 from missions.cli.origin import robot_file
@@ -49,15 +50,15 @@ TURN_TIMEOUT = 15.0
 def robot_options(command: Any) -> Any:
     """Add ``--robot``, ``--simulate`` and ``--port`` to a command."""
     for option in (
-        click.option("--port", metavar="PATH", help="Where the board is plugged in, instead of what the file says."),
-        click.option("--simulate", is_flag=True, help="Use a virtual board, even with --robot."),
-        click.option("--robot", type=ROBOT, help="The robot (a name or a file); its head moves. Else simulated."),
+        shared_option("--port", metavar="PATH", help="Where the board is plugged in, instead of what the file says."),
+        shared_option("--simulate", is_flag=True, help="Use a virtual board, even with --robot."),
+        shared_option("--robot", type=ROBOT, help="The robot (a name or a file); its head moves. Else simulated."),
     ):
         command = option(command)
     return command
 
 
-head_option = click.option("--head", default=HEAD, metavar="NAME", help="Which head, of a robot that has several.")
+head_option = shared_option("--head", default=HEAD, metavar="NAME", help="Which head, of a robot that has several.")
 """Adds ``--head`` to a command."""
 
 

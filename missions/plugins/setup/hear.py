@@ -21,9 +21,10 @@ from drivers.microphone.wav import WavMicrophone, load
 from missions.assembly.assembled import CONNECT_TIME
 from missions.assembly.hearing import Hearing, hearing
 from missions.assembly.together import made_by
+from missions.cli.declared import behaviours_option, params_option
 from missions.cli.names import MISSION, ROBOT
 from missions.cli.numbers import Real
-from missions.cli.options import behaviours_option, leaves_for, params_option
+from missions.cli.options import leaves_for
 from missions.cli.printable import show_over
 from missions.cli.root import SUCCESS
 from missions.language.phrases import phrases_of

@@ -1,4 +1,4 @@
-"""``mission models``: trained models that are not shipped, and fetching them."""
+"""``mission robot models``: trained models that are not shipped, and fetching them."""
 
 from pathlib import Path
 
@@ -8,15 +8,15 @@ from missions.assembly.models import MODELS, FetchError, fetch, folder, is_there
 from missions.cli.root import FAILURE, SUCCESS
 
 
-@click.group(invoke_without_command=True, epilog="Example: mission models")
+@click.group(invoke_without_command=True, epilog="Example: mission robot models")
 @click.pass_context
-def command(ctx: click.Context) -> None:
+def models(ctx: click.Context) -> None:
     """List trained models that can be fetched, and fetch them. Nothing that is shipped needs one."""
     if ctx.invoked_subcommand is None:
         list_models()
 
 
-@command.command(name="list", epilog="Example: mission models list")
+@models.command(name="list", epilog="Example: mission robot models list")
 def list_command() -> None:
     """List the models, and which are there."""
     list_models()
@@ -26,11 +26,11 @@ def list_models() -> None:
     """Print a line on each model."""
     where = folder()
     for _, model in sorted(MODELS.items()):
-        state = f"in {where / model.file}" if is_there(model, where) else f"mission models fetch {model.name}"
+        state = f"in {where / model.file}" if is_there(model, where) else f"mission robot models fetch {model.name}"
         click.echo(f"{model.name:<8} {model.size / 1e6:.2f} MB  {model.summary}\n{'':<8} {state}")
 
 
-@command.command(name="fetch", epilog="Example: mission models fetch yunet")
+@models.command(name="fetch", epilog="Example: mission robot models fetch yunet")
 @click.argument("name", type=click.Choice(sorted(MODELS)), metavar="NAME")
 @click.option("--from", "url", metavar="URL", help="Another place to fetch it from; its sum is checked all the same.")
 @click.option("--into", "where", type=click.Path(path_type=Path), metavar="FOLDER", help="Where to; else user data.")

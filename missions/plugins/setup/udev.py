@@ -1,17 +1,17 @@
-"""``mission udev``: the rules that give the serial ports of a TurtleBot their names."""
+"""``mission robot udev``: the rules that give the serial ports of a TurtleBot their names."""
 
 from importlib.resources import files
 
 import click
 
 INSTALL = """to install them:
-  mission udev | sudo tee /etc/udev/rules.d/99-missiontree.rules
+  mission robot udev | sudo tee /etc/udev/rules.d/99-missiontree.rules
   sudo udevadm control --reload
 then plug the devices in again: `ls -l /dev/kobuki /dev/rplidar` shows the names"""
 
 
-@click.command(epilog="Example: mission udev")
-def command() -> None:
+@click.command(epilog="Example: mission robot udev")
+def udev() -> None:
     """Print the udev rules for a TurtleBot: names, rights and speed of its serial ports; and how to install them."""
     click.echo((files("drivers") / "99-missiontree.rules").read_text(encoding="utf-8"), nl=False)
     click.echo(INSTALL, err=True)

@@ -10,7 +10,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 
 from config.defaults import own_files, unreadable_folders
@@ -29,12 +29,13 @@ from missions.language.values import shown
 from missions.library.drivers import load_robot
 from missions.library.folders import checkup_file
 from missions.library.people import People, folder
-from missions.library.shipped import TESTS, behaviour_files, find_mission, load_mission, shipped_missions
+from missions.library.shipped import MOTIONS, TESTS, behaviour_files, find_mission, load_mission, shipped_missions
 from missions.library.things import THINGS
 from missions.library.vocabulary import found_beside, vocabulary
 from missions.library.worlds import build_world
+from missions.options import Option
 from missions.plugins.pictures.plan import METRE, frame_of, plan
-from missions.plugins.studio.wishes import Library, Mission, World
+from missions.plugins.studio.wishes import RUN_OPTIONS, Library, Mission, World
 from missions.trees.draw import drawing_of, first_values
 from missions.trees.drawing import Box
 from missions.trees.tree_json import to_json
@@ -106,15 +107,8 @@ def limited(seconds: float) -> Iterator[None]:
 
 Json = dict[str, object]
 
-MOTIONS = tuple(
-    f"motions/{name}"
-    for name in (
-        "forward", "spin_left", "spin_right", "square", "triangle", "back_and_forth", "circle_anticlockwise",
-        "circle_clockwise",
-    )
-)  # fmt: skip
-"""The motions of the TurtleBot course, in the order of their numbers."""
-
+OFFERED = ("world", "simulate", "speed", "seed")
+"""The options of `mission run` in the form that starts one."""
 
 MAX_ENTRIES = 4096
 """Entries of lists that are cached."""
@@ -190,8 +184,20 @@ def library(command: Command) -> Json:
         lists[kind] = entries
         if any(entry.get("unread") for entry in entries):
             edition += "+"  # so that the list is asked for again: what was read by then is cached
-    more: Json = {"motions": list(MOTIONS), "people": _people(), "checkup": _checkup()}
+    more: Json = {
+        "motions": [f"motions/{name}" for name in MOTIONS.values()],
+        "people": _people(),
+        "checkup": _checkup(),
+        "options": {name: _offered(RUN_OPTIONS[name]) for name in OFFERED},
+    }
     return {"edition": edition, "trouble": "\n".join(dict.fromkeys(faults)), **lists, **more}
+
+
+def _offered(option: Option) -> Json:
+    """Return an option as the form has it; an infinite default is none."""
+    default = None if option.default == inf else option.default
+    bounds = {"low": option.low, "high": option.high}
+    return {"help": option.help, "default": default, "among": list(option.among), **bounds}
 
 
 def mission(command: Command) -> Json:

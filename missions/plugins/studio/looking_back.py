@@ -130,7 +130,7 @@ def record(command: Command) -> Json:
 
 def report(name: str) -> str:
     """Return the report of a record, as a page. Raises BadMessage for one that is too large."""
-    return page(study(_whole(name, f"mission report {quote(str(path_of(name)))}"), most_pictures=MOST_PICTURES))
+    return page(study(_whole(name, f"mission record report {quote(str(path_of(name)))}"), most_pictures=MOST_PICTURES))
 
 
 def compare(command: Command) -> Json:

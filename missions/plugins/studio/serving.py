@@ -118,7 +118,7 @@ async def fetched(request: Request) -> Response:
 
 
 async def reported(request: Request) -> Response:
-    """Serve the report of a record, as `mission report` writes it."""
+    """Serve the report of a record, as `mission record report` writes it."""
     studio: Studio = request.app.state.studio
     try:
         text = await studio.report(_record(request).name)

@@ -9,6 +9,8 @@ from missions.control.commands import KEY, Command, Role
 from missions.control.form import Bound, schema
 from missions.control.messages import MESSAGES, SAY, VERSION
 from missions.control.reading import RUN_COMMANDS
+from missions.options import options_of
+from missions.request import RunRequest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,6 +20,10 @@ class Hello(Command):
     word: ClassVar[str] = "hello"
     role: ClassVar[Role] = "viewer"
     version: Annotated[str, "What the page has in its `<meta name=version>`; another program, the protocol's number."]
+
+
+RUN_OPTIONS = {each.name: each for each in options_of(RunRequest)}
+"""The options of `mission run` by their names, for the messages and the form that start one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,9 +80,9 @@ class Start(Command):
     params: Annotated[Mapping[str, str], "Each as on the command line: `5 s`."] = field(default_factory=dict)
     robot: Annotated[str, "The robot, which moves unless it is simulated; the usual one, simulated, where empty."] = ""
     simulate: Annotated[Literal["", "wire", "fast"], "How it is simulated; `fast` is simulated time."] = ""
-    world: Annotated[str, "What a simulated robot stands in."] = ""
-    seed: Annotated[int, "For whatever is drawn by chance.", Bound(0, 2**53)] = 0
-    speed: Annotated[float | None, "In simulated time: so many times real time.", Bound(0.01, 1000.0)] = None
+    world: Annotated[str, RUN_OPTIONS["world"]] = ""
+    seed: Annotated[int, RUN_OPTIONS["seed"], Bound(high=2**53)] = 0
+    speed: Annotated[float | None, RUN_OPTIONS["speed"]] = None
     sure: Annotated[bool, "For a robot that moves: somebody has looked, and there is room."] = False
     record: Annotated[bool, "Whether it is recorded."] = True
 

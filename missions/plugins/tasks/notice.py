@@ -20,7 +20,9 @@ class NotTaken(RuntimeError):
 def secret(name: str, environment: Mapping[str, str]) -> str:
     """Return what the environment variable ``name`` holds. Raises NotTaken where it is not set."""
     if name not in environment:
-        raise NotTaken(f"the environment variable {name}, which the robot file names, is not set for `mission serve`")
+        raise NotTaken(
+            f"the environment variable {name}, which the robot file names, is not set for `mission task serve`"
+        )
     return environment[name]
 
 

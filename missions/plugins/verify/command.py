@@ -11,9 +11,10 @@ from config.faults import InvalidFileError
 from config.library import UnknownNameError
 from config.units import written
 from drivers.clock import SystemClock
+from missions.cli.declared import behaviours_option, params_option
 from missions.cli.names import MISSION
 from missions.cli.numbers import Whole
-from missions.cli.options import SECONDS, behaviours_option, files_of, leaves_for, params_option
+from missions.cli.options import SECONDS, files_of, leaves_for
 from missions.cli.usual_robot import load_for, robot_option, robots_for
 from missions.library.drivers import load_robot
 from missions.library.shipped import shipped_missions

@@ -131,24 +131,24 @@ def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pyt
 
 
 def test_the_command_lists_fetches_and_lists_again(mission: Mission, server: str, tmp_path: Path) -> None:
-    assert "mission models fetch yunet" in mission("models").out
-    outcome = mission("models", "fetch", "yunet", "--from", f"{server}/good")
+    assert "mission robot models fetch yunet" in mission("robot", "models").out
+    outcome = mission("robot", "models", "fetch", "yunet", "--from", f"{server}/good")
     assert outcome.code == 0
     assert "detector: yunet" in outcome.err
     path = tmp_path / "missiontree/models/small.onnx"
     assert path.read_bytes() == CONTENT
-    assert f"in {path}" in mission("models", "list").out
-    assert "is there already" in mission("models", "fetch", "yunet", "--from", f"{server}/absent").out
+    assert f"in {path}" in mission("robot", "models", "list").out
+    assert "is there already" in mission("robot", "models", "fetch", "yunet", "--from", f"{server}/absent").out
 
 
 def test_the_command_says_what_went_wrong_and_what_to_try(mission: Mission, server: str) -> None:
-    outcome = mission("models", "fetch", "yunet", "--from", f"{server}/other")
+    outcome = mission("robot", "models", "fetch", "yunet", "--from", f"{server}/other")
     assert outcome.code == 1
     assert "is not the file that was published" in outcome.err
     assert "try: " in outcome.err
 
 
 def test_an_unknown_model_is_a_usage_error(mission: Mission) -> None:
-    outcome = mission("models", "fetch", "yolo")
+    outcome = mission("robot", "models", "fetch", "yolo")
     assert outcome.code == 2
     assert "'yolo'" in outcome.err

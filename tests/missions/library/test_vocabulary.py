@@ -263,8 +263,8 @@ def test_every_command_that_reads_missions_takes_them(capsys: pytest.CaptureFixt
     assert command(capsys, "check", "m.yaml").code == 2
     assert command(capsys, "check", "m.yaml", *files).code == 0
     assert "count_to" in command(capsys, "show", "m.yaml", *files).out
-    assert "limit: count" in command(capsys, "behaviours", "count_to", *files).out
-    assert "blink" in command(capsys, "behaviours", *files).out
+    assert "limit: count" in command(capsys, "show", "behaviour", "count_to", *files).out
+    assert "blink" in command(capsys, "list", "behaviours", *files).out
     assert command(capsys, "run", "m.yaml", *files).code == 0
 
 

@@ -1,4 +1,4 @@
-"""``mission task`` and ``mission serve``, as a user types them."""
+"""``mission task`` and ``mission task serve``, as a user types them."""
 
 import json
 import signal
@@ -79,7 +79,7 @@ def server(user: User) -> Iterator[Process]:
 
 def serve_once() -> list[str]:
     """Serve until nothing is due; return what stood on the terminal."""
-    process = Process("serve", "--once")
+    process = Process("task", "serve", "--once")
     wait_until(lambda: process.process.poll() is not None, 100.0)
     assert process.end() == 0
     return process.lines
@@ -115,7 +115,7 @@ def test_a_task_that_needs_approval_begins_once_somebody_has_approved_it(user: U
 def test_a_task_is_added_listed_cancelled_and_logged(user: User) -> None:
     added = user.add("--at", "2126-12-24 18:00")
     assert added.out == "task 1: tell at 2126-12-24 18:00:00\n"
-    assert added.err == "nobody does tasks at the moment: mission serve\n"
+    assert added.err == "nobody does tasks at the moment: mission task serve\n"
     listed = user.task("list").out.splitlines()
     assert listed[1].split()[:4] == ["1", "waiting", "2126-12-24", "18:00:00"]
     assert "to=Ana time=0 s" in listed[1]
@@ -186,7 +186,7 @@ def test_a_damaged_queue_is_told_in_words(user: User, capsys: pytest.CaptureFixt
     user.add()
     path = user.state / "tasks.db"
     path.write_bytes(path.read_bytes()[:4096] + b"\x5a" * 65536)
-    for outcome in (user.task("list"), command(capsys, "serve", "--once")):
+    for outcome in (user.task("list"), command(capsys, "task", "serve", "--once")):
         assert outcome.code == 2
         assert f"{path}: is damaged, or no queue of tasks: " in outcome.err
         assert f"try: mv {path} {path}.broken" in outcome.err
@@ -225,9 +225,9 @@ def test_a_task_that_is_not_there_is_an_error(user: User, words: list[str]) -> N
 
 def test_a_second_server_is_refused(user: User, capsys: pytest.CaptureFixture[str]) -> None:
     with locked(user.state / "serve.lock"):
-        outcome = command(capsys, "serve", "--once")
+        outcome = command(capsys, "task", "serve", "--once")
     assert outcome.code == 2
-    assert "another `mission serve` does the tasks" in outcome.err
+    assert "another `mission task serve` does the tasks" in outcome.err
 
 
 # Real runs
@@ -298,7 +298,7 @@ def test_real_runs_survive_servers_that_are_killed(user: User) -> None:
     for _ in range(3):
         user.add("--simulate", "fast", "--if-interrupted", "retry")
     for seconds in (0.4, 1.1, 2.3):
-        process = Process("serve", "--once")
+        process = Process("task", "serve", "--once")
         Event().wait(seconds)
         process.end(signal.SIGKILL)
     serve_once()
@@ -317,4 +317,4 @@ def test_the_list_names_what_was_added_at_a_time_to_come(user: User) -> None:
     outcome = user.task("list")
     assert "at once" in outcome.out
     assert "task 1 was added at 2200-01-01" in outcome.err
-    assert "mission task cancel 1, and add it anew" in outcome.err
+    assert "mission task remove 1, and add it anew" in outcome.err

@@ -120,11 +120,11 @@ def test_the_command_reaches_a_run_of_another_terminal(tmp_path: Path, capsys: p
     try:
         run = str(process.process.pid)
         wait_until(lambda: sockets.path_of(run).exists() and '"tick"' in events.read_text())
-        assert command(capsys, "fault", "--run", run, "voice", "unplugged", "200", "ms").code == 0
+        assert command(capsys, "simulate", "fault", "--run", run, "voice", "unplugged", "200", "ms").code == 0
         wait_until(lambda: events.read_text().count('"online"') == 2)
-        refused = command(capsys, "fault", "--run", run, "head", "unplugged")
+        refused = command(capsys, "simulate", "fault", "--run", run, "head", "unplugged")
         assert refused.code == 1
         assert "'head unplugged' is unsupported: 'says' uses screen, voice" in refused.err
     finally:
         process.end(signal.SIGTERM)
-    assert command(capsys, "fault", "--run", "nobody", "voice", "unplugged").err == "no such run\n"
+    assert command(capsys, "simulate", "fault", "--run", "nobody", "voice", "unplugged").err == "no such run\n"

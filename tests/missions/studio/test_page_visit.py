@@ -164,7 +164,7 @@ def test_a_record_too_large_for_a_report_says_what_to_type(monkeypatch: pytest.M
     monkeypatch.setattr(looking_back, "LARGEST_WHOLE", 100)
     with pytest.raises(BadMessage, match=r"long\.mcap: .* too much for this") as refused:
         looking_back.report("long.mcap")
-    assert refused.value.hint.startswith("mission report ")
+    assert refused.value.hint.startswith("mission record report ")
 
 
 def test_a_task_is_added_and_cancelled(browser: Browser, served: Served) -> None:

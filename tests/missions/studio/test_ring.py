@@ -10,7 +10,9 @@ import pytest
 from config.defaults import FILE, config_folder, keep_default
 from drivers.clock import time_of_day
 from missions.plugins.records import ring
+from missions.plugins.records.options import RecordOptions
 from missions.plugins.records.run_options import record_wish
+from missions.request import RunRequest
 from tests.missions.command import command
 from tests.missions.lone_base import LONE_ROBOT, lone_base
 
@@ -124,14 +126,17 @@ def test_a_record_with_an_odd_name_keeps_its_place_in_the_order(
     assert not first.exists()
 
 
-def test_a_run_tells_which_records_it_removes(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_tells_which_records_it_removes(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = ring.records_folder()
     folder.mkdir(parents=True)
     for name, age in (("new", DAY), ("old", 31 * DAY)):
         path = written(folder, name, age=age)
         now = time_of_day().timestamp()
         os.utime(path, (now - age, now - age))
-    record_wish(None, None, None, overwrite=False, mission="m", otherwise=True)
+    monkeypatch.setenv(ring.SWITCH, "yes")
+    record_wish(RecordOptions(), RunRequest("m", robot="turtlebot2"))
     told = f"mission: removed old records from {folder}: old.mcap (over 30 days old)"
     assert capsys.readouterr().err.strip() == told
     shutil.rmtree(folder)

@@ -1,4 +1,4 @@
-"""``mission fleet``: the robots that `mission serve --fleet` announces, seen, stopped and released from anywhere."""
+"""``mission fleet``: the robots that `mission task serve --fleet` announces: list, stop and release them."""
 
 import json
 from collections.abc import Iterator
@@ -8,6 +8,7 @@ from threading import Event
 import click
 
 from missions.cli.columns import in_columns
+from missions.cli.commands import LazyGroup
 from missions.cli.root import FAILURE, SUCCESS
 from missions.plugins.fleet.commands import fleet_tasks
 from missions.plugins.fleet.commands.fleet_tasks import AS_JSON, FLEET, at
@@ -18,9 +19,9 @@ WATCH = 0.2
 """Seconds from one look at the list to the next."""
 
 
-@click.group(epilog="Example: mission fleet list")
+@click.group("fleet", cls=LazyGroup, epilog="Example: mission fleet list")
 def command() -> None:
-    """See the robots of a fleet, give them tasks, stop them all. `mission serve --fleet NAME` puts each there."""
+    """See the robots of a fleet, give them tasks, stop them all. `mission task serve --fleet NAME` puts each there."""
 
 
 @command.command(name="list", epilog="Example: mission fleet list --watch")
@@ -55,7 +56,9 @@ def _show(operator: Operator, *, as_json: bool) -> None:
     rows = [list(_row(each, twice=names.count(each.address.name) > 1)) for each in members]
     rows += [[name, "OFFLINE", "-", "-", "-", "-", "nobody has met it"] for name in operator.missing()]
     if not rows:
-        click.echo(f"nobody is in fleet '{operator.fleet.fleet}'\n  try: mission serve --fleet {operator.fleet.fleet}")
+        click.echo(
+            f"nobody is in fleet '{operator.fleet.fleet}'\n  try: mission task serve --fleet {operator.fleet.fleet}"
+        )
         return
     headings = ("name", "connection", "robot", "mission", "battery", "at", "state")
     click.echo(in_columns(headings, rows, left=frozenset(headings)))

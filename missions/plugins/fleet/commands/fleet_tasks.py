@@ -14,8 +14,9 @@ from config.faults import InvalidFileError
 from config.fleet import FleetKeys, load_fleet
 from config.library import UnknownNameError
 from missions.cli.columns import in_columns
+from missions.cli.commands import SharingCommand, shared_option
+from missions.cli.declared import params_option
 from missions.cli.numbers import Whole
-from missions.cli.options import params_option
 from missions.cli.root import FAILURE, SUCCESS
 from missions.language.expressions import ExpressionError, parse
 from missions.library.shipped import load_mission
@@ -25,7 +26,7 @@ from missions.plugins.tasks.task import TaskError
 
 # Being at a fleet for a command of a terminal.
 
-FLEET = click.option("--fleet", "name", metavar="NAME", help="Which fleet; else that of fleet.yaml, or `home`.")
+FLEET = shared_option("--fleet", "name", metavar="NAME", help="Which fleet; else that of fleet.yaml, or `home`.")
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="As JSON, for programs.")
 
 
@@ -50,7 +51,7 @@ READ = frozenset({"battery", "x", "y", "name", "robot", "parts", "simulated"})
 """What `--where` may read of a robot."""
 
 
-@click.command(epilog='Example: mission fleet run greet --on any --where "battery > 40 %"')
+@click.command(cls=SharingCommand, epilog='Example: mission fleet run greet --on any --where "battery > 40 %"')
 @click.argument("mission")
 @params_option
 @FLEET
@@ -125,7 +126,7 @@ def _policy(mission: str) -> Policy:
     return "give-up" if said == "give_up" else "retry"
 
 
-@click.command(epilog="Example: mission fleet tasks --all")
+@click.command(cls=SharingCommand, epilog="Example: mission fleet tasks --all")
 @FLEET
 @click.option("--all", "ended", is_flag=True, help="Also those that have ended.")
 @AS_JSON
@@ -152,7 +153,7 @@ def _row(task: ToldTask) -> list[str]:
     return [task.id, task.state, task.mission, task.on, task.robot.partition("/")[0] or "-", task.reason]
 
 
-@click.command(epilog="Example: mission fleet decide 3f9a hand-on")
+@click.command(cls=SharingCommand, epilog="Example: mission fleet decide 3f9a hand-on")
 @click.argument("number", metavar="TASK")
 @click.argument("what", type=click.Choice(["hand-on", "give-up"]))
 @FLEET

@@ -1,4 +1,4 @@
-"""``mission world``: what a world file describes, in words, as a plan, or as the robot's camera sees it."""
+"""``mission show`` of a world: what its file describes, as text, as a plan, or as the robot's camera sees it."""
 
 import shlex
 from pathlib import Path
@@ -6,15 +6,13 @@ from pathlib import Path
 import click
 import cv2
 
-from config.library import DEFAULT_ROBOT, find
+from config.library import find
 from config.robot import RobotConfig
 from config.saving import save_file
 from config.world import WorldConfig, load_world
 from drivers.api import Image
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import Pinhole, Viewpoint, mounted
-from missions.cli.names import ROBOT, WORLD
-from missions.cli.options import SECONDS
 from missions.cli.outputs import writing
 from missions.library.drivers import load_robot
 from missions.library.worlds import build_world
@@ -28,46 +26,15 @@ ZOOM = 1.5
 FORMS = (".svg", ".png")
 
 
-class Worlds(click.Group):
-    """A group that says what to type where the name of a world stands in the place of a subcommand."""
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the subcommand."""
-        if args[0] not in self.commands and not args[0].startswith("-"):
-            ctx.fail(f"no such command: '{args[0]}'\n  try: mission world show {args[0]}")
-        return super().resolve_command(ctx, args)
-
-
-@click.group(cls=Worlds, epilog="Example: mission world show party")
-def command() -> None:
-    """Show simulated worlds."""
-
-
-@command.command(epilog="Example: mission world show party -o party.svg")
-@click.argument("name", type=WORLD, metavar="WORLD")
-@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE", help="Draw it, into FILE.svg or .png.")
-@click.option("--camera", is_flag=True, help="Draw what the robot's camera sees at the start, into FILE.png.")
-@click.option(
-    "--at",
-    "time",
-    default="0 s",
-    show_default=True,
-    metavar="TIME",
-    type=SECONDS,
-    help='How it is then: such as "5 s".',
-)
-@click.option("--robot", type=ROBOT, default=DEFAULT_ROBOT, show_default=True, help="Whose camera; name or file.")
-def show(name: str, output: Path | None, camera: bool, time: float, robot: str) -> None:
-    """Say what is in a world (a name or a file), or draw it."""
+def show_world(name: str, output: Path | None, time: float, robot: str, *, camera: bool) -> None:
+    """Print what is in a world, or draw it into ``output``: from above, or as the ``camera`` of a robot sees it."""
     config = load_world(find("worlds", name))
     if output is None:
         if camera:
             raise click.UsageError(f"--camera draws a picture: say where, such as -o {config.name}.png")
         for line in lines_about(config):
             click.echo(line)
-        click.echo(f"\nTo draw it: mission world show {name} -o {config.name}.svg")
+        click.echo(f"\nTo draw it: mission show {name} -o {config.name}.svg")
         return
     if output.suffix not in FORMS or (camera and output.suffix != ".png"):
         raise click.UsageError(f"'{output}': the name must end in {'.png' if camera else ' or '.join(FORMS)}")

@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from missions.cli.columns import in_columns
+from missions.cli.commands import LazyGroup
 from missions.cli.options import SECONDS
 from missions.cli.outputs import check_folder, wrote
 from missions.library.private_files import ExistsError
@@ -23,9 +24,13 @@ RECORD = click.argument("path", metavar="RECORD", type=click.Path(path_type=Path
 FORCE = click.option("--force", is_flag=True, help="Write over what is there.")
 
 
-@click.group(epilog="Example: mission record info monday.mcap")
+@click.group(
+    "record",
+    cls=LazyGroup,
+    epilog="Example: mission record info monday.mcap",
+)
 def command() -> None:
-    """Look into records of runs, mend them, and take things out of them.
+    """Look into records of runs, play and decide them again, repair them, and take things out of them.
 
     `mission run MISSION --record FILE.mcap` makes one.
     """
@@ -94,9 +99,9 @@ def info(path: Path) -> None:
             click.echo(line)
 
 
-@command.command(epilog="Example: mission record mend monday.mcap")
+@command.command(epilog="Example: mission record repair monday.mcap")
 @RECORD
-def mend(path: Path) -> None:
+def repair(path: Path) -> None:
     """Close a record whose run was killed, in place, so that every program opens it.
 
     It may be stopped at any moment, and done again: nothing that can be read is lost.
@@ -156,7 +161,7 @@ def export(path: Path, tables: Path | None, lines: Path | None, folder: Path | N
 def joints(path: Path, as_what: str | None) -> None:
     """Say how well each joint kept to its goal, what its motor did, and how warm its servo was.
 
-    `mission record export FILE --csv FOLDER` has every sample, in state_arm.csv; `mission report` draws them.
+    `mission record export FILE --csv FOLDER` has every sample, in state_arm.csv; `mission record report` draws them.
     """
     from missions.plugins.records.report import tables as joint_tables  # noqa: PLC0415 - a report needs more than the others do
     from missions.plugins.records.report.joints import figures_of, tracks_of  # noqa: PLC0415
@@ -209,7 +214,7 @@ def compare(path: Path, other: Path, json_wanted: bool) -> None:
 def cut(path: Path, start: float, end: float, output: Path, force: bool) -> None:
     """Cut a piece out of a record, such as from 10s to 20s, with what held when it begins.
 
-    What cuts off the beginning cannot be run again by `mission replay --rerun`: a tree remembers.
+    What cuts off the beginning cannot be run again by `mission record rerun`: a tree remembers.
     """
     with _in_words():
         record = open_record(path)

@@ -1,4 +1,4 @@
-"""``mission replay``: a record again, as a play, as a film, or as decisions made anew."""
+"""``mission record replay`` and ``rerun``: a record as a play, as a film, or as decisions made anew."""
 
 import shlex
 import sys
@@ -13,10 +13,11 @@ import click
 from rich.live import Live
 
 from drivers.clock import SystemClock
+from missions.cli.declared import behaviours_option
 from missions.cli.keys import Keys, interruptible
 from missions.cli.names import MISSION
 from missions.cli.numbers import Real
-from missions.cli.options import SECONDS, behaviours_option
+from missions.cli.options import SECONDS
 from missions.cli.printable import console
 from missions.cli.root import FAILURE, SUCCESS, USAGE
 from missions.plugins.pictures.movie import Movie, check_place
@@ -32,8 +33,11 @@ REFRESH = 0.1
 """Seconds between two drawings of the player's screen."""
 
 
-@click.command(epilog="Example: mission replay monday.mcap --rerun")
-@click.argument("file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+RECORD = click.argument("file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+
+
+@click.command(epilog="Example: mission record replay monday.mcap --at 12.5s")
+@RECORD
 @click.option("--at", type=SECONDS, default=0.0, metavar="TIME", help="Begin there, such as 12.5s.")
 @click.option(
     "--speed",
@@ -48,50 +52,44 @@ REFRESH = 0.1
     metavar="OUT",
     help="Write the pictures, with what was seen in them: a .webm, or a folder.",
 )
-@click.option("--rerun", "decide", is_flag=True, help="Decide it all again, and compare: nothing moves.")
+def replay(file: Path, at: float, speed: float, frames: Path | None) -> int:
+    """Play a record in the terminal, or make a film of it.
+
+    Keys: space plays and pauses, left and right go back and on, up and down change the speed, comma and point go from
+    tick to tick, f and F to the next failure and the one before, / searches, n and N go on with that, 0 to 9 go to
+    tenths of it, q quits. Without a terminal, what happened is written line by line.
+    """
+    if frames is None:
+        return _play(open_record(file), at, speed)
+    check_place(frames, "--frames")
+    return _film(open_record(file), frames)
+
+
+@click.command(epilog="Example: mission record rerun monday.mcap")
+@RECORD
 @click.option("--recorded", is_flag=True, help="Take the files that the record holds, not those of today.")
 @click.option(
     "--mission", type=MISSION, metavar="MISSION", help="Decide another mission on this record (a name or a file)."
 )
 @behaviours_option
 @click.option("--trust-code", is_flag=True, help="Run the Python that the record holds: its sender may do anything.")
-@click.option("--see", "look", is_flag=True, help="Search the pictures again, with today's perception, and compare.")
-def command(
+@click.option(
+    "--see", "look", is_flag=True, help="Search the pictures again, with today's perception, instead of deciding."
+)
+def rerun(
     file: Path,
-    at: float,
-    speed: float,
-    frames: Path | None,
-    decide: bool,
     recorded: bool,
     mission: str | None,
     files: tuple[Path, ...],
     trust_code: bool,
     look: bool,
 ) -> int:
-    """Play a record in the terminal; or make a film of it, decide it again, see it again.
-
-    Keys: space plays and pauses, left and right go back and on, up and down change the speed, comma and point go from
-    tick to tick, f and F to the next failure and the one before, / searches, n and N go on with that, 0 to 9 go to
-    tenths of it, q quits. Without a terminal, what happened is written line by line.
+    """Decide a record again with today's files, or search its pictures again, and compare. Nothing moves.
 
     Exit code 0 is that all is as it was, 1 that something is not, 2 that it cannot be said.
     """
-    if sum((frames is not None, decide, look)) > 1:
-        raise click.UsageError("one of --frames, --rerun and --see at a time")
-    if (recorded or mission is not None or files or trust_code) and not (decide or look):
-        options = "--recorded, --mission, --behaviours and --trust-code"
-        raise click.UsageError(f"{options} say what is decided or seen again: add --rerun or --see")
-    if frames is not None:
-        check_place(frames, "--frames")
-    record = open_record(file)
     again = _Again(code=files, recorded=recorded, trusted=trust_code)
-    if frames is not None:
-        return _film(record, frames)
-    if decide:
-        return _decide(record, mission, again)
-    if look:
-        return _look(record, mission, again)
-    return _play(record, at, speed)
+    return (_look if look else _decide)(open_record(file), mission, again)
 
 
 def _play(record: Record, at: float, speed: float) -> int:
@@ -146,14 +144,14 @@ class _Again:
 
 def _decide(record: Record, mission: str | None, again: _Again) -> int:
     """Decide it again, and say whether all is as it was."""
-    from missions.plugins.records.replay.rerun import rerun  # noqa: PLC0415
+    from missions.plugins.records.replay.rerun import rerun as decide  # noqa: PLC0415
     from missions.plugins.records.replay.words import about_rerun  # noqa: PLC0415
 
     if problem := _undecidable(record):
         raise click.UsageError(problem)
     with _sources(record, again) as sources:
         config = sources.robot()
-        found = rerun(record, sources.plan(config, mission), config, seed=record.head.seed, lag=record.head.lag)
+        found = decide(record, sources.plan(config, mission), config, seed=record.head.seed, lag=record.head.lag)
         for line in about_rerun(found, sources):
             click.echo(line)
     if not found.nodes or found.unheard:

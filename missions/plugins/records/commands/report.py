@@ -1,4 +1,4 @@
-"""``mission report``: a record as one page for people who were not there, and as pictures for papers."""
+"""``mission record report``: a record as one page for people who were not there, and as pictures for papers."""
 
 import shlex
 from pathlib import Path
@@ -16,7 +16,7 @@ PAGES = (".html", ".htm")
 """What the name of a report may end in."""
 
 
-@click.command(epilog="Example: mission report monday.mcap -o monday.html")
+@click.command(epilog="Example: mission record report monday.mcap -o monday.html")
 @click.argument("file", metavar="RECORD", type=click.Path(path_type=Path))
 @click.option(
     "-o",
@@ -39,7 +39,7 @@ PAGES = (".html", ".htm")
     metavar="DIR",
     help="Write the plots there, as PNG for papers; the page only with -o.",
 )
-def command(file: Path, output: Path | None, pictures: int, plots: Path | None) -> None:
+def report(file: Path, output: Path | None, pictures: int, plots: Path | None) -> None:
     """Write a report of a record: one page, which needs nothing beside it.
 
     It has a summary in words, the tree with a slider for time, a timeline of its nodes, variables, pictures with what

@@ -1,4 +1,4 @@
-"""``mission stats``: the figures of recorded runs."""
+"""``mission record stats``: the figures of recorded runs."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -14,7 +14,7 @@ from missions.plugins.records.statistics.gather import gather
 from missions.plugins.records.statistics.table import as_csv, as_json, lines_of
 
 
-@click.command(epilog="Example: mission stats monday.mcap tuesday.mcap")
+@click.command(epilog="Example: mission record stats monday.mcap tuesday.mcap")
 @click.argument(
     "paths",
     metavar="RECORD...",
@@ -24,7 +24,7 @@ from missions.plugins.records.statistics.table import as_csv, as_json, lines_of
 )
 @click.option("--json", "as_what", flag_value="json", help="Everything, as JSON; times in seconds.")
 @click.option("--csv", "as_what", flag_value="csv", help="The nodes, as a table for a spreadsheet; times in seconds.")
-def command(paths: Sequence[Path], as_what: str | None) -> int:
+def stats(paths: Sequence[Path], as_what: str | None) -> int:
     """Say how often each node of a mission ran, for how long and with which result, and how quick the robot was.
 
     Records of one mission on one robot are taken together. What cannot be read is told and left out; the exit code is
@@ -33,12 +33,12 @@ def command(paths: Sequence[Path], as_what: str | None) -> int:
     unread: list[Path] = []
     found = merge(_gathered(paths, unread))
     if as_what == "json":
-        click.echo(json.dumps([as_json(stats) for stats in found], indent=2, ensure_ascii=False))
+        click.echo(json.dumps([as_json(each) for each in found], indent=2, ensure_ascii=False))
     elif as_what == "csv":
         click.echo(as_csv(found), nl=False)
     else:
-        for stats in found:
-            for line in lines_of(stats):
+        for each in found:
+            for line in lines_of(each):
                 click.echo(line)
     return USAGE if unread else SUCCESS
 

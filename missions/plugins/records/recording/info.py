@@ -94,11 +94,11 @@ def _length(record: Record) -> str:
 def _hints(record: Record) -> Iterator[str]:
     path = shlex.quote(str(record.path))
     if not record.whole:
-        yield f"mission record mend {path}    close it, so that other programs open it too"
+        yield f"mission record repair {path}    close it, so that other programs open it too"
     failure = next(iter(record.failures()), None)
     moment = record.until if failure is None else failure.t
     time = ceil(1000 * (moment - TIME_TOLERANCE)) / 1000  # not before it
-    yield f"mission replay {path}"
+    yield f"mission record replay {path}"
     yield f"mission show {path} --at {time:.3f}s" + ("" if failure is None else "    the first failure of a node")
-    yield f"mission report {path}"
+    yield f"mission record report {path}"
     yield f"mission record export {path} --csv FOLDER"

@@ -19,7 +19,7 @@ from missions.plugins.records.report.summary import faults
 from missions.trees.words import counted, in_seconds
 
 MOST_ROWS = 400
-"""Of more the page would get slow; `mission replay` shows them all."""
+"""Of more the page would get slow; `mission record replay` shows them all."""
 
 
 Row = tuple[float, str, str]
@@ -111,7 +111,7 @@ def _table(rows: Sequence[Row], moments: Moments, nothing: str) -> Markup:
 
 
 def _more(count: int) -> Markup:
-    text = f"and {count - MOST_ROWS} more: `mission replay` and `mission record export` show them all"
+    text = f"and {count - MOST_ROWS} more: `mission record replay` and `mission record export` show them all"
     return tag("p", text, class_="none") if count > MOST_ROWS else join()
 
 

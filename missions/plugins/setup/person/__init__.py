@@ -2,11 +2,12 @@
 
 import click
 
+from missions.cli.commands import LazyGroup
 from missions.plugins.setup.person.add import add
 from missions.plugins.setup.person.list import list_people, remove
 
 
-@click.group(epilog="Example: mission person list")
+@click.group("person", cls=LazyGroup, epilog="Example: mission person list")
 def command() -> None:
     """Let a robot know people by their faces, list them, and forget them.
 

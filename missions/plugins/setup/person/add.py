@@ -17,6 +17,7 @@ from drivers.clock import Clock, SystemClock
 from drivers.errors import BadRequest, NotConnected
 from drivers.voice.make import Wish, make_voice
 from missions.assembly.models import face_detector
+from missions.cli.commands import SharingCommand
 from missions.cli.names import PERSON
 from missions.cli.numbers import InUnit, Whole
 from missions.cli.root import SUCCESS
@@ -116,7 +117,7 @@ LIMIT = 200
 """Pictures that are taken in at a time."""
 
 
-@click.command(epilog="Example: mission person add Anna anna1.jpg anna2.jpg anna3.jpg")
+@click.command(cls=SharingCommand, epilog="Example: mission person add Anna anna1.jpg anna2.jpg anna3.jpg")
 @click.argument("name", type=PERSON)
 @click.argument("files", type=click.Path(), nargs=-1, metavar="[PICTURES...]")
 @click.option("--camera", "source", metavar="SOURCE", help="Its number or device, or a film. Else the robot's, or 0.")

@@ -8,19 +8,15 @@ import click
 
 from config.library import find
 from drivers.api.senses import CameraKeys
+from missions.cli.commands import shared_option
 from missions.cli.names import ROBOT
 from missions.cli.root import FAILURE
 from missions.library.drivers import load_robot
 from missions.library.people import People, PeopleError, people_of
 
-
-def robot_option(command: Any) -> Any:
-    """Add ``--robot NAME`` to a command, which gets it as ``robot``."""
-    return click.option(
-        "--robot",
-        type=ROBOT,
-        help="Whose people: those in the folder that its file names. Without it: yours.",
-    )(command)
+robot_option = shared_option(
+    "--robot", type=ROBOT, help="Whose people: those in the folder that its file names. Without it: yours."
+)
 
 
 def camera_of(robot: str | None) -> CameraKeys | None:

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 import click
 
 from missions.cli.columns import in_columns
+from missions.cli.commands import SharingCommand
 from missions.cli.names import PERSON
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.people import Known, PeopleError
@@ -16,7 +17,7 @@ from perception.people import KnownPeople
 # ``mission person remove``: forget people, and delete their pictures.
 
 
-@click.command(epilog="Example: mission person remove Anna")
+@click.command(cls=SharingCommand, epilog="Example: mission person remove Anna")
 @click.argument("names", type=PERSON, nargs=-1, required=True, metavar="NAMES...")
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @robot_option
@@ -38,7 +39,7 @@ def remove(names: tuple[str, ...], yes: bool, robot: str | None) -> int:
     return SUCCESS
 
 
-@click.command("list", epilog="Example: mission person list --robot turtlebot2_arm")
+@click.command("list", cls=SharingCommand, epilog="Example: mission person list --robot turtlebot2_arm")
 @click.option("--json", "as_json", is_flag=True, help="As one line of JSON.")
 @robot_option
 @saying_why

@@ -2,12 +2,17 @@
 
 import click
 
+from missions.cli.commands import LazyGroup
 from missions.plugins.setup.robot.check import check
 from missions.plugins.setup.robot.new import new, use
 from missions.plugins.setup.robot.show import show
 
 
-@click.group(epilog="Example: mission robot new")
+@click.group(
+    "robot",
+    cls=LazyGroup,
+    epilog="Example: mission robot new",
+)
 def command() -> None:
     """Make a robot file by answering questions; look at it, check it, and make it this computer's own."""
 

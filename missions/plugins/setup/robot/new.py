@@ -66,8 +66,8 @@ def able(config: RobotConfig) -> str:
 def use(name: str | None, no_robot: bool) -> int:
     """Make a robot this computer's own: NAME is a name or a file.
 
-    `mission run greet --on-robot` moves it then, `--robot mine` is it for every command, and what is simulated without
-    a --robot is it too. --none undoes that; the robot's file stays.
+    `--robot mine` is it for every command, and `mission run greet --robot mine` moves it; what is simulated without a
+    --robot is it too. --none undoes that; the robot's file stays.
     """
     if no_robot == (name is not None):
         raise click.UsageError("name a robot, or say --none: one of them")
@@ -83,7 +83,7 @@ def use(name: str | None, no_robot: bool) -> int:
         raise click.UsageError(str(error)) from error
     click.echo(f"{stays} is this computer's robot now: {kept}")
     mission = able(config)
-    click.echo(f"  next: mission run {mission} --on-robot" if mission else "  next: mission robot check")
+    click.echo(f"  next: mission run {mission} --robot mine" if mission else "  next: mission robot check")
     return SUCCESS
 
 

@@ -100,7 +100,7 @@ def part_ids(talk: Dialogue, arm: str, part: Part, path: str, *, patience: float
         return
     talk.tell("two servos have one ID; servos are delivered with ID 1")
     if talk.yes or not talk.confirm(f"{arm} ids", "give them new IDs now? it writes their EEPROM", default=False):
-        talk.tell("left as they are: mission servo set-id 1 NEW --port PORT, with one plugged in alone")
+        talk.tell("left as they are: mission servo set 1 id NEW --port PORT, with one plugged in alone")
         return
     baud, taken = int(part.section.get("baud", DELIVERED[0])), dict[int, str]()
     while True:

@@ -13,6 +13,7 @@ from drivers.servos.bus import Bus
 from drivers.servos.feetech import FeetechKeys
 from drivers.servos.joint import Joint
 from missions.cli.columns import in_columns
+from missions.cli.commands import SharingCommand
 from missions.cli.numbers import InUnit
 from missions.cli.outputs import check_writable
 from missions.cli.root import FAILURE, SUCCESS
@@ -50,7 +51,7 @@ class Turned:
         return Range(max(0, self.lowest + short), min(self.joint.model.last, self.highest - short), self.zero)
 
 
-@click.command(epilog="Example: mission servo calibrate elbow --robot my_robot.yaml")
+@click.command(cls=SharingCommand, epilog="Example: mission servo calibrate elbow --robot my_robot.yaml")
 @target_options
 @click.argument("joints", nargs=-1, metavar="[JOINT|GROUP]...")
 @click.option("--zero", is_flag=True, help="Also take where the arm stands at the start for 0 of every joint.")

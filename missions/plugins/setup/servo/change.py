@@ -1,4 +1,4 @@
-"""``mission servo set``, ``set-id`` and ``set-baud``: registers of servos, compared first, written, verified."""
+"""``mission servo set``: registers of servos, compared first, written, verified."""
 
 import sys
 from collections.abc import Mapping, Sequence
@@ -12,6 +12,7 @@ from drivers.servos.identification import UNPLUG, ping_evidence, require_sole
 from drivers.servos.models import MODELS, Model, model_of
 from drivers.servos.settings import Change, apply, planned
 from drivers.servos.units import baud_code
+from missions.cli.commands import SharingCommand
 from missions.cli.numbers import Whole
 from missions.cli.root import SUCCESS
 from missions.plugins.setup.servo.bench import Bench, opened_bus
@@ -22,6 +23,8 @@ from missions.plugins.setup.servo.until import confirm_limp, confirm_weak
 LEVEL, ANSWERS_ALL = "status_return_level", 2
 """The register that says what a servo answers, and its value for everything."""
 
+MAX_ID = 253
+
 yes_option = click.option(
     "--yes",
     is_flag=True,
@@ -31,6 +34,7 @@ yes_option = click.option(
 
 @click.command(
     "set",
+    cls=SharingCommand,
     context_settings={"ignore_unknown_options": True},
     epilog="Example: mission servo set 3 return_delay 0 --port /dev/ttyUSB0",
 )  # so that a value may be below zero
@@ -40,46 +44,33 @@ yes_option = click.option(
 @click.argument("value", type=Whole())
 @yes_option
 def set_register(target: Target, servo: str, register: str, value: int, yes: bool) -> int:
-    """Set a register by its name.
+    """Set a register by its name: `mission servo info` lists them.
 
-    `mission servo info` lists them. Nothing is written where it holds the value already. What is kept through a power
-    cut (EEPROM) is written with the torque off, and the servo is limp afterwards. Before a stiff servo is given less
-    force (such as torque_limit, goal_pwm, position_p_gain), you are asked to hold the arm.
+    `id` gives one servo another ID: new servos all have ID 1, so plug them in one by one. The value of `baud` is the
+    rate, such as 1000000; --baud is the rate that the servos have now.
+
+    Nothing is written where it holds the value already. What is kept through a power cut (EEPROM) is written with the
+    torque off, and the servo is limp afterwards. Before a stiff servo is given less force (such as torque_limit,
+    goal_pwm, position_p_gain), you are asked to hold the arm.
     """
     with opened_bus(target) as bench:
         if register == LEVEL and value == ANSWERS_ALL:
             _wake(bench, servo, yes=yes)
-        servos = bench.servos(servo)
+        servos = [bench.servo(servo)] if register == "id" else bench.servos(servo)
         for _, model in servos:
             model.table.named(register)  # of all first: none is changed where another cannot be
-        return _set(bench, {at: (model, {register: value}) for at, model in servos}, yes=yes)
-
-
-@click.command("set-id", epilog="Example: mission servo set-id 1 4 --port /dev/ttyUSB0")
-@target_options
-@click.argument("servo", metavar="ID|JOINT")
-@click.argument("new", type=Whole(0, 253), metavar="NEW_ID")
-@yes_option
-def set_id(target: Target, servo: str, new: int, yes: bool) -> int:
-    """Give a servo another ID. New servos all have ID 1: plug them in one by one."""
-    with opened_bus(target) as bench:
-        at, model = bench.servo(servo)
-        return _set(bench, {at: (model, {"id": new})}, yes=yes)
-
-
-@click.command("set-baud", epilog="Example: mission servo set-baud all 1000000 --port /dev/ttyUSB0")
-@target_options
-@click.argument("servo", metavar="ID|JOINT|GROUP|all")
-@click.argument("rate", type=Whole(min=1))
-@yes_option
-def set_baud(target: Target, servo: str, rate: int, yes: bool) -> int:
-    """Give servos another baud rate; --baud is what they have now."""
-    with opened_bus(target) as bench:
-        wanted = {at: (model, {"baud": baud_code(rate, model.protocol)}) for at, model in bench.servos(servo)}
+        wanted = {at: (model, {register: _coded(register, value, model)}) for at, model in servos}
         code = _set(bench, wanted, yes=yes)
-    if target.robot is not None:
-        click.echo(f"  the robot file must say baud: {rate}, once all its servos do", err=True)
+    if register == "baud" and target.robot is not None:
+        click.echo(f"  the robot file must say baud: {value}, once all its servos do", err=True)
     return code
+
+
+def _coded(register: str, value: int, model: Model) -> int:
+    """Return a value as the register holds it. Raises click.UsageError for an ID that no servo can have."""
+    if register == "id" and not 0 <= value <= MAX_ID:
+        raise click.UsageError(f"{value} is not an ID: they go from 0 to {MAX_ID}")
+    return baud_code(value, model.protocol) if register == "baud" else value
 
 
 def _wake(bench: Bench, who: str, *, yes: bool) -> None:

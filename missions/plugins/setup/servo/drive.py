@@ -1,6 +1,6 @@
-"""``mission servo torque``, ``move``, ``reboot`` and ``recover``: joints by hand."""
+"""``mission servo torque`` and ``move``: joints by hand."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import partial
 from math import degrees, radians
 
@@ -16,6 +16,7 @@ from drivers.servos.joining import difference, restore
 from drivers.servos.joint import Joint
 from drivers.servos.telling import REMEDY
 from drivers.servos.units import called
+from missions.cli.commands import SharingCommand
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.target import target_of
 from missions.plugins.setup.servo.bench import Arm, Bench, opened_arm, opened_bus, pause
@@ -33,29 +34,46 @@ BOOT = 1.0
 """Seconds after which a servo that was restarted answers."""
 
 
-@click.command(epilog="Example: mission servo torque off --robot turtlebot2_arm")
+@click.command(cls=SharingCommand, epilog="Example: mission servo torque off --robot turtlebot2_arm")
 @target_options
-@click.argument("state", type=click.Choice(["on", "off"]))
-@click.argument("joints", nargs=-1, metavar="[JOINT|GROUP]...")
+@click.argument("state", type=click.Choice(["on", "off", "restart", "recover"]))
+@click.argument("joints", nargs=-1, metavar="[JOINT|GROUP|ID]...")
 @hold_option
 def torque(target: Target, state: str, joints: tuple[str, ...], yes: bool) -> int:
-    """Make joints stiff, or limp.
+    """Make joints stiff (on) or limp (off), `restart` one servo, or `recover` those that have shut down.
 
-    All, if none is named; stiff where they stand, with the torque limit of the robot file. They stay so afterwards. A
-    limp arm falls: `off` waits until you hold it and press Enter; without a terminal it needs --yes. Exit code 1 where
-    a servo did not confirm it, has shut down, or is not what the robot file says.
+    All joints, if none is named; stiff where they stand, with the torque limit of the robot file. They stay so
+    afterwards. A limp arm falls: `off` waits until you hold it and press Enter; without a terminal it needs --yes.
+    Exit code 1 where a servo did not confirm it, has shut down, or is not what the robot file says.
+
+    `restart` starts a servo of protocol 2.0 anew, which is limp then; hold the arm, as for `off`. `recover` makes
+    servos stiff again that have shut down after an overload or heat, then brings the arm to the rest that its file
+    asks for. First remove the cause: free the joint, or let the servo cool.
     """
+    if state == "restart":
+        if len(joints) != 1:
+            raise click.UsageError("name one servo\n  try: mission servo torque restart ID|JOINT")
+        return _restart(target, joints[0], yes=yes)
+    if state == "recover":
+        if joints:
+            raise click.UsageError("recover is for all servos that have shut down: name none")
+        return _recover(target)
+    return _switch(target, joints, yes=yes, on=state == "on")
+
+
+def _switch(target: Target, joints: Collection[str], *, yes: bool, on: bool) -> int:
+    """Switch the torque of joints on or off, of all if none is named."""
     failed = 0
     with opened_bus(target) as bench:
         chosen = bench.chosen(joints)
-        if state == "off":
+        if not on:
             names = [joint.name for joint in chosen]
             confirm_limp(names, stiff=any(_may_be_stiff(bench, each) for each in chosen),
                          simulated=bench.simulated, yes=yes)  # fmt: skip
         for joint in chosen:
             try:
                 bench.require_sole(joint)
-                if state == "on":
+                if on:
                     _stiffen(bench, joint)
                 else:
                     bench.bus.write(joint.at, joint.model.table["torque_enable"], 0)
@@ -65,7 +83,7 @@ def torque(target: Target, state: str, joints: tuple[str, ...], yes: bool) -> in
                 failed += 1
                 click.echo(f"{joint.title}: {error}" + (f"\n  try: {error.hint}" if error.hint else ""), err=True)
             else:
-                click.echo(f"{joint.title} is {'stiff' if state == 'on' else 'limp'}")
+                click.echo(f"{joint.title} is {'stiff' if on else 'limp'}")
     return FAILURE if failed else SUCCESS
 
 
@@ -91,10 +109,11 @@ def _stiffen(bench: Bench, joint: Joint) -> None:
     joint.wanted = True
     restore(bus, joint, now=bench.clock.now())
     if not bus.read(joint.at, joint.model.table["torque_enable"]):
-        raise DeviceFault("its torque does not stay on", hint=f"mission servo monitor --once{bench.options}")
+        raise DeviceFault("its torque does not stay on", hint=f"mission servo info{bench.options}")
 
 
 @click.command(
+    cls=SharingCommand,
     context_settings={"ignore_unknown_options": True},
     epilog="Example: mission servo move elbow 30 deg --speed '45 deg/s'",
 )  # so that an angle may be below zero
@@ -137,22 +156,14 @@ def _move(
     return code
 
 
-@click.command(epilog="Example: mission servo reboot 3 --port /dev/ttyUSB0")
-@target_options
-@click.argument("servo", metavar="ID|JOINT")
-@hold_option
-def reboot(target: Target, servo: str, yes: bool) -> int:
-    """Restart a servo of protocol 2.0.
-
-    It is limp then: waits until you hold the arm and press Enter; without a terminal a stiff servo needs --yes. That
-    is also the way out of an overload there.
-    """
+def _restart(target: Target, servo: str, *, yes: bool) -> int:
+    """Restart a servo of protocol 2.0, which is limp afterwards: also the way out of an overload there."""
     with opened_bus(target) as bench:
         at, model = bench.servo(servo)
         if at.protocol != 2:
             raise BadRequest(
                 f"servo {at.id} is an {model.name}: {called(at.protocol)} has no restart",
-                hint="mission servo recover --robot FILE, after an overload; else switch its power off and on",
+                hint="mission servo torque recover --robot FILE, after an overload; else switch its power off and on",
             )
         require_sole(bench.bus, at, model.number)
         stiff = bool(bench.bus.read(at, model.table["torque_enable"]))
@@ -165,14 +176,8 @@ def reboot(target: Target, servo: str, yes: bool) -> int:
     return SUCCESS
 
 
-@click.command(epilog="Example: mission servo recover --robot turtlebot2_arm")
-@target_options
-def recover(target: Target) -> int:
-    """Revive servos that have shut down.
-
-    After an overload or heat they are made stiff again where they stand; then the arm comes to the rest that its file
-    asks for. First remove the cause: free the joint, or let the servo cool. Exit code 1 where one stays limp.
-    """
+def _recover(target: Target) -> int:
+    """Make servos stiff again that have shut down."""
     with opened_arm(target) as arm:
         names = arm.joints.recover()
         stiff = _stiff(arm, names)

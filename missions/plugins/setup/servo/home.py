@@ -17,6 +17,7 @@ from drivers.servos.feetech import FeetechKeys
 from drivers.servos.joint import Joint
 from drivers.servos.settings import Change, apply, planned
 from missions.cli.columns import in_columns
+from missions.cli.commands import SharingCommand
 from missions.cli.numbers import InUnit
 from missions.cli.outputs import check_writable, save
 from missions.cli.root import FAILURE, SUCCESS
@@ -82,7 +83,7 @@ def offset_for(shown: int, before: int) -> int:
     return max((shown + before - HALF_TURN + TURN // 2) % TURN - TURN // 2, -HALF_TURN)
 
 
-@click.command(epilog="Example: mission servo home --into so101.json --robot my_so101.yaml")
+@click.command(cls=SharingCommand, epilog="Example: mission servo home --into so101.json --robot my_so101.yaml")
 @target_options
 @click.argument("joints", nargs=-1, metavar="[JOINT|GROUP]...")
 @click.option("--into", metavar="FILE", help="The calibration file, where the robot file names none.")

@@ -15,6 +15,7 @@ from config.marked import read_source
 from config.writing import flow, number, word, write_new
 from drivers.servos.declared import ALIASES, JointKeys
 from drivers.servos.models import MODELS
+from missions.cli.commands import SharingCommand
 from missions.cli.numbers import Whole
 from missions.cli.root import SUCCESS
 from missions.library.drivers import robot_of
@@ -68,7 +69,7 @@ def _joint(joint: JointKeys) -> str:
     return flow({"id": str(joint.id), "model": joint.model}, way, power)
 
 
-@click.command("import", epilog="Example: mission servo import joints.yaml -o my_robot.yaml")
+@click.command("import", cls=SharingCommand, epilog="Example: mission servo import joints.yaml -o my_robot.yaml")
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.option("--model", help="What its servos are, which no file says: AX-12A, or STS3215 for a calibration.")
 @click.option("--port", metavar="PATH", help="Where they are plugged in: /dev/u2d2, or /dev/ttyACM0 for a calibration.")

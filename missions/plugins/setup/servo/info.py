@@ -1,18 +1,26 @@
-"""``mission servo info``: every register of a servo, and what it means."""
+"""``mission servo info``: every register of a servo with its meaning; or the state of joints, again and again."""
 
 import json
 import re
+from collections.abc import Sequence
+from dataclasses import asdict
 from math import degrees
 
 import click
+from rich.live import Live
+from rich.text import Text
 
 from drivers.errors import BadRequest
 from drivers.servos.models import Model
-from drivers.servos.register import Block, Register
+from drivers.servos.register import Register
 from drivers.servos.units import baud_of, called
 from missions.cli.columns import in_columns
-from missions.cli.root import SUCCESS
-from missions.plugins.setup.servo.bench import opened_bus
+from missions.cli.commands import SharingCommand
+from missions.cli.numbers import InUnit
+from missions.cli.printable import console
+from missions.cli.root import FAILURE, SUCCESS
+from missions.plugins.setup.servo.bench import Bench, opened_bus, pause
+from missions.plugins.setup.servo.reading import Felt, feel, table_of
 from missions.plugins.setup.servo.target import Target, target_options
 
 HEADINGS = ("address", "register", "value", "meaning", "delivered", "kept in")
@@ -21,27 +29,69 @@ _STEP = re.compile(r"([0-9.]+) (\S+)")
 """What one step of a register is worth, as ``0.1 V``."""
 
 
-@click.command(epilog="Example: mission servo info elbow")
+@click.command(cls=SharingCommand, epilog="Example: mission servo info elbow")
 @target_options
-@click.argument("servo", metavar="ID|JOINT")
-@click.option("--json", "as_json", is_flag=True, help="As one line of JSON: the registers by name.")
-def info(target: Target, servo: str, as_json: bool) -> int:
-    """Show every register of a servo.
+@click.argument("servos", nargs=-1, metavar="[ID|JOINT|GROUP]...")
+@click.option(
+    "--watch",
+    "rate",
+    type=InUnit("Hz", 0.1, 50.0),
+    is_flag=False,
+    flag_value="5",
+    metavar="[RATE]",
+    help="Show the joints again and again, so often: 5 Hz, if no rate is given.",
+)
+@click.option("--json", "as_json", is_flag=True, help="As a line of JSON: registers by name; or joints, in SI units.")
+def info(target: Target, servos: tuple[str, ...], rate: float | None, as_json: bool) -> int:
+    """Show every register of one servo; or position, load and temperature of several joints, in a table.
 
-    Only reads. "delivered" is what it holds as it comes from the factory, where that differs.
+    Without a name, of all joints. Only reads: torque and goals stay as they are. A register's "delivered" is the value
+    from the factory, if it differs. Angles in degrees. Exit code 1 where a servo of the table does not answer. With
+    --watch, Ctrl-C ends it.
     """
     with opened_bus(target) as bench:
-        at, model = bench.servo(servo)
-        whole = Block(0, model.table.size)
-        data = bench.bus.read_block(at, whole.address, whole.size)
+        if rate is not None:
+            _watch(bench, servos, 1.0 / rate, as_json=as_json)
+        elif len(servos) == 1 and servos[0] not in bench.groups:
+            _show_registers(bench, servos[0], as_json=as_json)
+        else:
+            felt = feel(bench.bus, bench.chosen(servos))
+            click.echo(_joints_as_json(bench, felt) if as_json else table_of(felt))
+            return SUCCESS if all(each.state is not None for each in felt) else FAILURE
+    return SUCCESS
+
+
+def _watch(bench: Bench, names: Sequence[str], period: float, *, as_json: bool) -> None:
+    """Show round after round, until somebody interrupts."""
+    chosen = bench.chosen(names)
+    with Live(console=console(), auto_refresh=False) as live:
+        while True:
+            begun = bench.clock.now()
+            felt = feel(bench.bus, chosen)
+            if as_json:
+                click.echo(_joints_as_json(bench, felt))
+            else:
+                live.update(Text(table_of(felt), no_wrap=True, overflow="ellipsis"), refresh=True)
+            pause(max(0.0, begun + period - bench.clock.now()))
+
+
+def _joints_as_json(bench: Bench, felt: Sequence[Felt]) -> str:
+    joints = {
+        each.joint.name: {"remark": each.remark} | ({} if each.state is None else asdict(each.state)) for each in felt
+    }
+    return json.dumps({"t": round(bench.clock.now(), 3), "joints": joints})
+
+
+def _show_registers(bench: Bench, servo: str, *, as_json: bool) -> None:
+    at, model = bench.servo(servo)
+    data = bench.bus.read_block(at, 0, model.table.size)
     values = {name: register.decode(data) for name, register in model.table.registers.items()}
     if as_json:
         click.echo(json.dumps({"id": at.id, "protocol": at.protocol, "model": model.name, "registers": values}))
-        return SUCCESS
+        return
     click.echo(f"servo {at.id}: {model.name}, {called(at.protocol)}\n")
     rows = [_row(model, register, values[name]) for name, register in model.table.registers.items()]
     click.echo(in_columns(HEADINGS, rows, left=frozenset({"register", "meaning", "kept in"})))
-    return SUCCESS
 
 
 def _row(model: Model, register: Register, value: int) -> list[str]:

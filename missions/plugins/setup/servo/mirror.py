@@ -11,6 +11,7 @@ from behaviours.joint_motion import Mirroring, by_range, spans
 from drivers.api import Coupling, JointLimits
 from drivers.errors import NotConnected
 from drivers.servos.driver import DynamixelJoints
+from missions.cli.commands import SharingCommand
 from missions.cli.numbers import InUnit
 from missions.cli.root import SUCCESS
 from missions.plugins.setup.servo.bench import Arm, opened_arms
@@ -24,7 +25,7 @@ GLANCE = 0.1
 """Seconds between two lines of where the follower is sent."""
 
 
-@click.command(epilog="Example: mission servo mirror so101_leader --robot so101")
+@click.command(cls=SharingCommand, epilog="Example: mission servo mirror so101_leader --robot so101")
 @target_options
 @click.argument("leader")
 @click.option("--leader-arm", default=ARM, metavar="NAME", help="Which arm of the leader, where it has several.")

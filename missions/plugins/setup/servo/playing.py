@@ -14,6 +14,7 @@ from behaviours.playing import Playing
 from behaviours.tracking_error import Sample
 from config.library import SHEETS, find, shipped
 from drivers.api import Gesture, JointLimits
+from missions.cli.commands import SharingCommand
 from missions.cli.names import GESTURE
 from missions.cli.numbers import InUnit, Real
 from missions.cli.outputs import check_writable
@@ -30,7 +31,7 @@ Curves = Mapping[str, tuple[Sequence[float], Sequence[float]]]
 """Times (s) and angles (rad) by joint."""
 
 
-@click.command(epilog="Example: mission servo play greeting --dry-run")
+@click.command(cls=SharingCommand, epilog="Example: mission servo play greeting --dry-run")
 @partial(target_options, baud=False)
 @click.argument("name", type=GESTURE, metavar="NAME|FILE")
 @click.option("--speed", type=Real(0.05, 2.0), default=1.0, show_default=True, help="Times its own speed.")

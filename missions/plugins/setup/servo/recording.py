@@ -9,6 +9,7 @@ from config.writing import gesture_text
 from drivers.api import Joints
 from drivers.clock import Clock
 from drivers.servos.models import MODELS
+from missions.cli.commands import SharingCommand
 from missions.cli.numbers import InUnit
 from missions.cli.outputs import check_writable, save
 from missions.cli.root import FAILURE, SUCCESS
@@ -18,7 +19,7 @@ from missions.plugins.setup.servo.target import Target, target_options
 from missions.plugins.setup.servo.until import hold_option, patience, require_terminal, show
 
 
-@click.command(epilog="Example: mission servo record my_hello --joint elbow --seconds 5")
+@click.command(cls=SharingCommand, epilog="Example: mission servo record my_hello --joint elbow --seconds 5")
 @target_options
 @click.argument("name")
 @click.option("--joint", "names", multiple=True, metavar="JOINT", help="Record this one, or a group. Repeat it for "

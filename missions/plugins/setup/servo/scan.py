@@ -11,6 +11,7 @@ import click
 from drivers.servos.census import Found, census
 from drivers.servos.joint import Joint
 from drivers.servos.units import Framing, Protocol, short
+from missions.cli.commands import SharingCommand
 from missions.cli.root import FAILURE, SUCCESS
 from missions.plugins.setup.servo.bench import opened_bus
 from missions.plugins.setup.servo.target import Target, target_options
@@ -44,7 +45,7 @@ def _ids(ctx: click.Context, option: click.Parameter, value: str) -> list[int]:
     return list(found)
 
 
-@click.command(epilog="Example: mission servo scan --ids 1-10 --port /dev/ttyUSB0")
+@click.command(cls=SharingCommand, epilog="Example: mission servo scan --ids 1-10 --port /dev/ttyUSB0")
 @target_options
 @click.option("--ids", default="0-252", show_default=True, callback=_ids, metavar="1-20,30", help="Which to look for.")
 @click.option("--protocol", type=click.Choice(["1", "2", "STS"], case_sensitive=False), help="Look for this one alone.")
@@ -163,7 +164,7 @@ def differences(
             troubles.append(f"{joint.title} does not answer\n  try: look at its cable, and at those before it")
         for servo in servos:
             if servo.baud != baud:
-                cure = f"mission servo set-baud {servo.at.id} {baud} --baud {servo.baud} --port PORT"
+                cure = f"mission servo set {servo.at.id} baud {baud} --baud {servo.baud} --port PORT"
                 troubles.append(f"{joint.title} is at {servo.baud} baud, the robot file says {baud}\n  try: {cure}")
             elif servo.model is not joint.model and not servo.mute:
                 cure = "plug it in alone, and see what it is" if servo.model is None else servo.model.advice

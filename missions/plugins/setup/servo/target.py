@@ -11,6 +11,7 @@ import click
 from config.faults import one_of
 from config.robot import RobotConfig
 from drivers.servos.declared import DynamixelKeys
+from missions.cli.commands import shared_option
 from missions.cli.names import ROBOT
 from missions.cli.numbers import Whole
 from missions.cli.origin import robot_file
@@ -85,7 +86,7 @@ def arm_named(robot: RobotConfig, name: str) -> DynamixelKeys:
     raise click.UsageError(f"{robot.name} has no arm: its file has no servos to work on")
 
 
-arm_option = click.option("--arm", default=ARM, metavar="NAME", help="Which arm, of a robot that has several.")
+arm_option = shared_option("--arm", default=ARM, metavar="NAME", help="Which arm, of a robot that has several.")
 """Adds ``--arm`` to a command."""
 
 
@@ -103,13 +104,13 @@ def target_options(command: Callable[..., Any], *, baud: bool = True) -> Callabl
         target.check()
         return command(target, **others)
 
-    rate = click.option("--baud", type=Whole(min=1), metavar="RATE", help="The bus's rate, instead of the "
+    rate = shared_option("--baud", type=Whole(min=1), metavar="RATE", help="The bus's rate, instead of the "
                         "file's.")  # fmt: skip
     options = (
-        click.option("--port", metavar="PATH", help="Where the adapter is plugged in, instead of what the file says."),
+        shared_option("--port", metavar="PATH", help="Where the adapter is plugged in, instead of what the file says."),
         arm_option,
-        click.option("--simulate", is_flag=True, help="Use virtual servos, even with --robot."),
-        click.option("--robot", type=ROBOT, help="The robot (a name or a file), whose servos move. Without it and "
+        shared_option("--simulate", is_flag=True, help="Use virtual servos, even with --robot."),
+        shared_option("--robot", type=ROBOT, help="The robot (a name or a file), whose servos move. Without it and "
                      "--port: simulated."),
     )  # fmt: skip
     with_options: Callable[..., Any] = rate(wrapped) if baud else wrapped

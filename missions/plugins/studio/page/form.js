@@ -119,7 +119,8 @@ export class Target {
     this.update(library);
     this.how = choice(HOW);
     this.speed = choice(SPEEDS, "1");
-    this.seed = el("input", { type: "text", inputmode: "numeric", value: "0", size: "6" });
+    this.options = library.options;
+    this.seed = el("input", { type: "text", inputmode: "numeric", value: String(this.options.seed.default), size: "6" });
     this.sure = toggle("I have looked: there is room around the robot, and I can reach its switch.", false);
     this.sure.classList.add("sure");
     const kinds = el("div", { class: "segments", role: "radiogroup", "aria-label": "On what" });
@@ -128,9 +129,9 @@ export class Target {
       kinds.append(el("label", null, input, el("span", null, text)));
       return input;
     });
-    this.paced = field("Speed", this.speed);
-    const seed = field("Seed", this.seed, "for whatever is drawn by chance");
-    this.simulated = el("div", { class: "fields two" }, field("World", this.world), field("How", this.how), this.paced, seed);
+    this.paced = field("Speed", this.speed, this.options.speed.help);
+    const seed = field("Seed", this.seed, this.options.seed.help);
+    this.simulated = el("div", { class: "fields two" }, field("World", this.world, this.options.world.help), field("How", this.how), this.paced, seed);
     this.moving = el("div", { class: "warning", hidden: true }, el("p", null, "The robot will move."), this.sure);
     this.how.addEventListener("change", () => (this.paced.hidden = this.how.value !== "fast"));
     this.node = el("div", { class: "target" }, kinds, field("Robot", this.robot), this.simulated, this.moving);
@@ -171,7 +172,8 @@ export class Target {
     const found = { robot: this.robot.value, simulate: this.how.value, world: this.world.value };
     if (later) return found;
     const seed = Number(this.seed.value);
-    if (!Number.isSafeInteger(seed) || seed < 0) throw new Error("The seed is a whole number from 0 upwards.");
+    const { low } = this.options.seed;
+    if (!Number.isSafeInteger(seed) || seed < low) throw new Error(`The seed is a whole number from ${low} upwards.`);
     return { ...found, seed, ...(this.how.value === "fast" && this.speed.value && { speed: Number(this.speed.value) }) };
   }
 }

@@ -37,7 +37,7 @@ export class Tasks {
     if (!this.#link.open) return;
     try {
       const { tasks, served } = await this.#link.ask({ do: "tasks", ended: this.#ended });
-      put(this.#served, served ? "" : "Nobody does tasks at the moment: mission serve");
+      put(this.#served, served ? "" : "Nobody does tasks at the moment: mission task serve");
       const text = JSON.stringify(tasks);
       if (text === this.#told) return; // what has the keyboard keeps it
       this.#told = text;

@@ -1,4 +1,4 @@
-"""``mission serve``: the server that does the tasks of ``mission task``, without a screen of its own."""
+"""``mission task serve``: the server that does the tasks of ``mission task``, without a screen of its own."""
 
 import sqlite3
 from contextlib import ExitStack, closing, suppress
@@ -8,12 +8,14 @@ from threading import Event
 
 import click
 
-from missions.cli.leash import studio_beside, studio_option
+from missions.cli.declared import declared_options
+from missions.cli.leash import studio_beside
 from missions.cli.root import SUCCESS
 from missions.executive.signals import Signals
 from missions.library.folders import state_folder
 from missions.plugins.fleet.joining import Joining, fleet_options, joined, joining
 from missions.plugins.fleet.member import FleetLatch
+from missions.plugins.studio.options import StudioOptions
 from missions.plugins.tasks.channels import channels_of
 from missions.plugins.tasks.courier import Courier
 from missions.plugins.tasks.disk import DiskFull, in_a_line, trouble
@@ -38,11 +40,11 @@ FLUSH = 60.0
 """Seconds for which ``--once`` waits until every notice was tried."""
 
 
-@click.command(epilog="Example: mission serve --once")
+@click.command("serve", epilog="Example: mission task serve --once")
 @click.option("--once", is_flag=True, help="End when nothing is due any more.")
-@studio_option
+@declared_options(StudioOptions)
 @fleet_options
-def command(
+def serve_tasks(
     once: bool,
     studio: bool,
     fleet: str | None,
@@ -77,7 +79,7 @@ def serve(where: Path, *, once: bool, member: Joining | None = None) -> None:
             closed.enter_context(locked(server_lock(where)))
             held = _after_orphan(run_lock(where), closed)
         except Taken as error:
-            raise TaskError(f"another `mission serve` does the tasks: {error}") from error
+            raise TaskError(f"another `mission task serve` does the tasks: {error}") from error
         except OSError as error:
             raise trouble(path, error) from error
         connection = closed.enter_context(closing(_begun(path, patient=not once)))
@@ -95,7 +97,7 @@ def serve(where: Path, *, once: bool, member: Joining | None = None) -> None:
         if once:
             courier.flush(FLUSH)
             if waiting := Outbox(connection).waiting():
-                _tell(f"{waiting} notices are not delivered yet: the next `mission serve` goes on with them")
+                _tell(f"{waiting} notices are not delivered yet: the next `mission task serve` goes on with them")
 
 
 def _begun(path: Path, *, patient: bool) -> sqlite3.Connection:

@@ -1,4 +1,4 @@
-"""``mission task``: missions that are to be run later, in turn, or again and again; ``mission serve`` runs them."""
+"""``mission task``: a queue of missions; ``mission task serve`` runs them."""
 
 import json
 import os
@@ -16,9 +16,11 @@ from click.shell_completion import CompletionItem
 from config.library import find, shipped
 from config.notices import named
 from missions.cli.columns import in_columns
-from missions.cli.names import MISSION, ROBOT, WORLD
+from missions.cli.commands import LazyGroup
+from missions.cli.declared import DeclaredCommand, behaviours_option, declared_options, options_of_run, params_option
+from missions.cli.names import MISSION
 from missions.cli.numbers import Whole
-from missions.cli.options import SECONDS, MissionCommand, behaviours_option, params_option
+from missions.cli.options import SECONDS
 from missions.cli.orders import check_order
 from missions.cli.root import SUCCESS
 from missions.language.plan import Plan
@@ -115,9 +117,13 @@ DOUBT = 60.0
 """Seconds that a task may have been added ahead of the clock, which is put right by as much now and then."""
 
 
-@click.group(epilog="Example: mission task list")
+@click.group(
+    "task",
+    cls=LazyGroup,
+    epilog="Example: mission task list",
+)
 def command() -> None:
-    """Queue missions, to be run in turn, at a time, or again and again; `mission serve` runs them.
+    """Queue missions, to be run in turn, at a time, or again and again; `mission task serve` runs them.
 
     The queue survives crashes and power cuts.
     """
@@ -135,7 +141,7 @@ def _queue() -> Iterator[tuple[Queue, Outbox]]:
         raise click.ClickException(f"{error}{hint}") from error
 
 
-@command.command(cls=MissionCommand, epilog="Example: mission task add greet --at 18:00 --every day --simulate fast")
+@command.command(cls=DeclaredCommand, epilog="Example: mission task add greet --at 18:00 --every day --simulate fast")
 @click.argument("mission", type=MISSION)
 @params_option
 @behaviours_option
@@ -159,10 +165,7 @@ def _queue() -> Iterator[tuple[Queue, Outbox]]:
     help="What to do where nobody knows how far it came, after a power cut, say. Else as its mission says, or retry.",
 )
 @click.option("--needs-approval", is_flag=True, help="Begin it once somebody approves it: mission task approve.")
-@click.option("--robot", type=ROBOT, help="The robot to run on; it moves, unless --simulate.")
-@click.option("--simulate", type=click.Choice(["wire", "fast"]), help="Simulate the robot, as `mission run` does.")
-@click.option("--world", type=WORLD, help="What a simulated robot stands in.")
-@click.option("--eyes", type=click.Choice(["pixels", "truth"]), default="pixels", help="As for `mission run`.")
+@declared_options(*options_of_run("robot", "simulate", "world", "eyes"))
 def add(
     mission: str,
     params: dict[str, str],
@@ -179,7 +182,7 @@ def add(
     world: str | None,
     eyes: Literal["pixels", "truth"],
 ) -> int:
-    """Add a task: a mission (a name or a file), which is checked here and now, and run by `mission serve`."""
+    """Add a task: a mission (a name or a file), which is checked here and now, and run by `mission task serve`."""
     order = RunRequest(mission, params, robot, simulate, world, behaviours=files, eyes=eyes)
     plan = _check(order)
     time = wall_clock()
@@ -203,7 +206,7 @@ def add(
     if needs_approval:
         click.echo(f"it begins once somebody approves it: mission task approve {number}")
     if _served() is False:
-        click.echo("nobody does tasks at the moment: mission serve", err=True)
+        click.echo("nobody does tasks at the moment: mission task serve", err=True)
     return SUCCESS
 
 
@@ -284,7 +287,7 @@ def list_command(everything: bool, as_json: bool) -> None:
     for task in tasks:
         if not task.ended and task.added > now + DOUBT:
             said = f"task {task.id} was added at {clock(task.added)}, to come: the clock was wrong then, or is"
-            cure = f"date; where that is right: mission task cancel {task.id}, and add it anew"
+            cure = f"date; where that is right: mission task remove {task.id}, and add it anew"
             click.echo(f"{said} now\n  try: {cure}", err=True)
 
 
@@ -298,14 +301,14 @@ def approve(number: int, by: str) -> None:
     click.echo(f"task {number} is approved")
 
 
-@command.command(epilog="Example: mission task cancel 3")
+@command.command(epilog="Example: mission task remove 3")
 @NUMBER
-def cancel(number: int) -> None:
+def remove(number: int) -> None:
     """Cancel a task, and its repetition; one that runs is stopped safely."""
     with _queue() as (queue, _):
         state = queue.cancel(number, wall_clock())
     running = _served()
-    stopping = "is being stopped" if running else "is cancelled as soon as `mission serve` runs again"
+    stopping = "is being stopped" if running else "is cancelled as soon as `mission task serve` runs again"
     if running is None:
         stopping = "is cancelled; it is perhaps not stopped: mission stop"
     click.echo(f"task {number} {stopping if state == 'running' else 'is cancelled'}")

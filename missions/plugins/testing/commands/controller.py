@@ -9,7 +9,8 @@ import click
 from behaviours.tracking.rules import RuleBases
 from behaviours.tracking.track_face import TrackFace
 from config.controller import ControllerConfig, load_controller
-from config.library import find, shipped
+from config.library import find
+from missions.cli.commands import LazyGroup
 from missions.cli.names import CONTROLLER
 from missions.cli.numbers import Whole
 from missions.cli.outputs import writing
@@ -39,16 +40,13 @@ picture_option = click.option(
 )
 
 
-@click.group(epilog="Example: mission controller list")
+@click.group(
+    "controller",
+    cls=LazyGroup,
+    epilog="Example: mission controller show face",
+)
 def command() -> None:
-    """Show and compare the controllers by which behaviours track."""
-
-
-@command.command(name="list", epilog="Example: mission controller list")
-def list_() -> None:
-    """List the controllers that ship with MissionTree."""
-    for name, path in shipped("controllers").items():
-        click.echo(f"{name:<12} {load_controller(path).summary}")
+    """Show, compare and tune the controllers by which behaviours track; `mission list controllers` has their names."""
 
 
 @command.command(epilog="Example: mission controller show face -o face.png")

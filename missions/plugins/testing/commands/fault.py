@@ -1,4 +1,4 @@
-"""``mission fault``: lets something go wrong with a simulated run, to see what the mission makes of it."""
+"""``mission simulate fault``: lets something go wrong with a simulated run, to see what the mission makes of it."""
 
 from collections.abc import Mapping
 
@@ -9,17 +9,17 @@ from missions.control.searching import Found, search
 from missions.control.sockets import linked
 
 
-@click.command(epilog="Example: mission fault camera frozen 2 s")
+@click.command(epilog="Example: mission simulate fault camera frozen 2 s")
 @click.argument("words", nargs=-1, required=True, metavar="PART STATE [TIME]...")
 @click.option("--run", "which", metavar="RUN", help="Which run: the number of its process, or its mission.")
-def command(words: tuple[str, ...], which: str | None) -> int:
+def fault(words: tuple[str, ...], which: str | None) -> int:
     """Let something go wrong with a run in simulated time, in the words of test files (docs/testing.md).
 
     Such as `head unplugged 3 s`, `base bumped left 1 s`, `voice hanging`, `run stalled 500 ms`. One on real or virtual
     devices says that it is unsupported: there, pull the plug. Take `mission run NAME --simulate fast --speed 1`.
     """
     found = search()
-    asked = {"do": "fault", "what": " ".join(words), "by": "mission fault"}
+    asked = {"do": "fault", "what": " ".join(words), "by": "mission simulate fault"}
     said = [
         told
         for each in found.found

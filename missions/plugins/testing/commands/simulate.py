@@ -24,6 +24,7 @@ from drivers.servos.virtual.chain import VirtualServoBus
 from drivers.servos.virtual.servo import VirtualServo
 from drivers.virtual.plugged import Socket
 from missions.assembly.simulation import Simulation
+from missions.cli.commands import LazyGroup
 from missions.cli.names import ROBOT, WORLD
 from missions.cli.numbers import InUnit
 from missions.cli.origin import robot_file
@@ -138,7 +139,12 @@ class Lines:
         yield from (line.decode(errors="replace").strip() for line in lines)
 
 
-@click.command(epilog="Example: mission simulate --robot turtlebot2")
+@click.group(
+    "simulate",
+    cls=LazyGroup,
+    invoke_without_command=True,
+    epilog="Example: mission simulate --robot turtlebot2",
+)
 @click.option("--robot", type=ROBOT, help=f"A name or a file; else {DEFAULT_ROBOT}.")
 @click.option(
     "--state",
@@ -157,12 +163,17 @@ class Lines:
     help="Serve a robot of ROS 2 (turtlebot4, unless another is named) at this address: tcp/127.0.0.1:7447.",
 )
 @click.option("--paced", is_flag=True, help="Let bytes on the servo bus take the time that they take on a real one.")
-def command(robot: str | None, period: float | None, world: str | None, listen: str | None, paced: bool) -> None:
+@click.pass_context
+def command(
+    ctx: click.Context, robot: str | None, period: float | None, world: str | None, listen: str | None, paced: bool
+) -> None:
     """Run the virtual devices of a robot, and print their ports as one line of JSON. Ctrl-C ends them.
 
     The devices speak their real protocols: point any program at them, or another `mission run` with --port.
     Meanwhile a line on stdin does something to them: `turn elbow 30 deg`, `overload elbow`, `unplug`, `help`.
     """
+    if ctx.invoked_subcommand is not None:
+        return
     config = load_robot(robot_file(robot, DEFAULT_ROBOT if listen is None else "turtlebot4"))
     if listen is not None and "ros2" not in config.sections:
         raise click.UsageError(f"{config.name} is no robot of ROS 2: mission simulate --ros2 --robot turtlebot4")

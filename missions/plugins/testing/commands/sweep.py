@@ -1,8 +1,9 @@
 """``mission sweep``: many runs of one mission over seeds and variations, and what they say together."""
 
 import sys
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -13,10 +14,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from config.defaults import load_defaults
 from config.units import in_dimension
 from drivers.clock import SystemClock
+from missions.cli.declared import behaviours_option, declared_options, options_of_run, params_option
 from missions.cli.keys import interruptible
-from missions.cli.names import MISSION, ROBOT, WORLD
+from missions.cli.names import MISSION
 from missions.cli.numbers import Whole
-from missions.cli.options import behaviours_option, pairs, params_option
+from missions.cli.options import pairs
 from missions.cli.origin import chosen_robot
 from missions.cli.printable import console
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
@@ -59,26 +61,10 @@ def _in(dimension: str) -> Callable[[click.Context, click.Parameter, str | None]
 )
 @params_option
 @behaviours_option
-@click.option("--robot", type=ROBOT, help="The robot that is simulated (a name or a file).")
-@click.option("--world", type=WORLD, help="What it stands in (a name or a file).")
-@click.option(
-    "--eyes",
-    type=click.Choice(["pixels", "truth"]),
-    default="truth",
-    show_default=True,
-    help="Know from the world who is in view, which is quick, or draw pictures and search them, as the robot does.",
-)
-@click.option(
-    "--physics",
-    is_flag=True,
-    help="Let a robot with a body (a humanoid) stand, walk and fall by MuJoCo. It needs the extra `physics`.",
-)
-@click.option(
-    "--seed",
-    type=Whole(min=0),
-    default=0,
-    show_default=True,
-    help="That of the first run; the next has one more.",
+@declared_options(
+    *options_of_run("robot", "world", "physics"),
+    *(replace(each, default="truth") for each in options_of_run("eyes")),
+    *(replace(each, help="Seed of the first run; the next one has one more.") for each in options_of_run("seed")),
 )
 @click.option(
     "--limit",
@@ -89,7 +75,6 @@ def _in(dimension: str) -> Callable[[click.Context, click.Parameter, str | None]
     help="How long a run may take, in simulated time, before it counts as unfinished.",
 )
 @click.option("-j", "--jobs", type=Whole(min=1), metavar="N", help="As many processes; one for each core.")
-@click.option("--dask", metavar="ADDRESS", help="Run on the Dask cluster with this scheduler, such as tcp://host:8786.")
 @click.option(
     "--target",
     metavar="SHARE",
@@ -124,7 +109,6 @@ def command(
     seed: int,
     limit: float,
     jobs: int | None,
-    dask: str | None,
     target: float | None,
     output: Path | None,
     force: bool,
@@ -137,12 +121,10 @@ def command(
     Run number i has the seed SEED + i, and all that differs in it follows from that: each can be run again alone.
 
     Exit code 0 is that the sweep was run, 1 that it missed its --target, 2 a mistake in the command or a file,
-    3 no cluster, 130 interrupted; then what was run so far is told and written.
+    130 interrupted; then what was run so far is told and written.
     """
     if save_world is not None and only is None:
         raise click.UsageError("--save-world is for one run: add --only SEED")
-    if dask is not None and jobs is not None:
-        raise click.UsageError("--jobs is for this machine; a Dask cluster has the workers that it has")
     try:
         robot, world = chosen_robot(robot), world or load_defaults().world or None
         sweep, plan = design(Wish(name, vary, params, robot, world, files, eyes, limit, physics))
@@ -158,9 +140,10 @@ def command(
     except OSError as error:
         raise click.UsageError(f"{folder.path}: {error.strerror}") from error
     clock = SystemClock()
+    jobs = jobs or cores()
     with interruptible():
-        rows, where = _run(sweep, range(seed, seed + runs), jobs or cores(), dask, partial(folder.keep, sweep))
-        took = f"{clock.now():.1f} s on {where}"
+        rows = _run(sweep, range(seed, seed + runs), jobs, partial(folder.keep, sweep))
+        took = f"{clock.now():.1f} s on {jobs} process{'es' if jobs > 1 else ''}"
         summary = summarise(rows, sweep.variations)
         _tell(sweep, folder, plan.mission, rows, summary, took)
     if len(rows) < runs:
@@ -173,14 +156,13 @@ def command(
     return SUCCESS
 
 
-def _run(sweep: Sweep, seeds: range, jobs: int, dask: str | None, keep: Callable[[Row], None]) -> tuple[list[Row], str]:
+def _run(sweep: Sweep, seeds: range, jobs: int, keep: Callable[[Row], None]) -> list[Row]:
     """Run all seeds, or as many as there is time for before Ctrl-C, SIGTERM or a hang-up; ``keep`` gets each row.
 
-    Returns their rows in order, and who ran them.
+    Returns their rows in order.
     """
     found: list[Row] = []
-    work, where = _workers(sweep, seeds, jobs, dask)
-    with closing(work), _progress(len(seeds)) as progress:
+    with closing(run_here(sweep, seeds, jobs)) as work, _progress(len(seeds)) as progress:
         try:
             for row in work:
                 keep(row)
@@ -188,17 +170,7 @@ def _run(sweep: Sweep, seeds: range, jobs: int, dask: str | None, keep: Callable
                 progress(found)
         except KeyboardInterrupt:
             pass  # fewer rows than seeds say so
-    return sorted(found, key=lambda row: row.seed), where
-
-
-def _workers(sweep: Sweep, seeds: range, jobs: int, dask: str | None) -> tuple[Generator[Row], str]:
-    if dask is None:
-        return run_here(sweep, seeds, jobs), f"{jobs} process{'es' if jobs > 1 else ''}"
-    try:
-        from missions.plugins.testing.sweep.cluster import run_on_cluster  # noqa: PLC0415 - only who has a cluster has Dask
-    except ImportError as error:
-        raise click.UsageError("--dask needs Dask: pip install 'missiontree[cluster]'") from error
-    return run_on_cluster(dask, sweep, seeds), f"the cluster at {dask}"
+    return sorted(found, key=lambda row: row.seed)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""``mission tune``: find better numbers for a controller by trying it in simulation."""
+"""``mission controller tune``: find better numbers for a controller by trying it in simulation."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -28,20 +28,8 @@ RULES = ("pan", "turn")
 """The rule bases that can be tuned."""
 
 
-@click.group(epilog="Example: mission tune tracker --evaluations 50")
-def command() -> None:
-    """Let the robot learn: find better numbers by trying them in simulation."""
-
-
-@command.command(epilog="Example: mission tune tracker --controller face --evaluations 50")
-@click.option(
-    "--controller",
-    "name",
-    type=CONTROLLER,
-    default="face",
-    show_default=True,
-    help="Where to start from.",
-)
+@click.command(epilog="Example: mission controller tune face --evaluations 50")
+@click.argument("name", type=CONTROLLER, metavar="[CONTROLLER]", default="face")
 @click.option(
     "--rules",
     type=click.Choice(RULES),
@@ -65,8 +53,8 @@ def command() -> None:
     help="How many variants to try, in all.",
 )
 @click.option("--seed", type=Whole(min=0), default=0, show_default=True, help="Of the search.")
-def tracker(name: str, rules: tuple[str, ...], output: Path | None, force: bool, evaluations: int, seed: int) -> int:
-    """Tune the numbers of a controller (a name or a file), and write them into a new file.
+def tune(name: str, rules: tuple[str, ...], output: Path | None, force: bool, evaluations: int, seed: int) -> int:
+    """Tune the numbers of a controller (a name or a file; face without one), and write them into a new file.
 
     Differential evolution: variants are tried on the simulated robot, in the step and the walk of `mission controller
     bench`, and the better ones are mixed. The same command finds the same numbers. All else in the file stays as it is.

@@ -96,11 +96,13 @@ def test_so_is_all_else_that_shows_people(path: Path, tmp_path: Path, capsys: py
     report, events, frames, film = (tmp_path / name for name in ("r.html", "e.jsonl", "frames", "film.webm"))
     for there in (report, events):
         there.touch(0o666)
-    assert command(capsys, "report", str(path), "-o", str(report), "--plots", str(tmp_path / "plots")).code == 0
+    assert (
+        command(capsys, "record", "report", str(path), "-o", str(report), "--plots", str(tmp_path / "plots")).code == 0
+    )
     assert command(capsys, "show", str(path), "-o", str(tmp_path / "tree.svg")).code == 0
     pictured = write(tmp_path / "pictured.mcap", [item._replace(jpeg=picture(9)) if isinstance(item, Picture) else item
                                                   for item in items()])  # fmt: skip
-    assert command(capsys, "replay", str(pictured), "--frames", str(frames)).code == 0
+    assert command(capsys, "record", "replay", str(pictured), "--frames", str(frames)).code == 0
     run = ("run", "motions/forward", "--events", str(events), "--film", str(film))
     assert command(capsys, *run).code == 0
     Drawings(tmp_path / "drawn", ()).write(tmp_path / "a.png", 0, np.zeros((8, 8, 3), np.uint8))

@@ -61,12 +61,12 @@ def test_info_offers_to_mend_what_was_not_closed_and_then_it_is(tmp_path: Path) 
     path.write_bytes(path.read_bytes()[:-1000])
     told = run("info", path).output
     assert "closed    no: whole up to " in told
-    assert f"mission record mend {path}" in told
-    mended = run("mend", path)
+    assert f"mission record repair {path}" in told
+    mended = run("repair", path)
     assert mended.exit_code == 0
     assert mended.output.startswith(f"mended {path}: it is whole up to ")
     assert "closed    yes" in run("info", path).output
-    assert run("mend", path).output == f"{path} was closed properly: there is nothing to mend\n"
+    assert run("repair", path).output == f"{path} was closed properly: there is nothing to mend\n"
 
 
 def test_info_tells_of_damaged_stretches(path: Path) -> None:
@@ -78,7 +78,7 @@ def test_info_tells_of_damaged_stretches(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [("info",), ("mend",), ("export", "--jsonl", "x.jsonl"), ("cut", "1s", "2s", "-o", "x")]
+    "arguments", [("info",), ("repair",), ("export", "--jsonl", "x.jsonl"), ("cut", "1s", "2s", "-o", "x")]
 )
 def test_every_command_says_in_words_what_is_no_record(tmp_path: Path, arguments: tuple[str, ...]) -> None:
     text = tmp_path / "notes.txt"

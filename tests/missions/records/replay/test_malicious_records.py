@@ -257,18 +257,18 @@ def of_figures() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "a look of many digits", {"raw": [raw("/percepts", view)]}
 
 
-DECIDE = (("replay", "R", "--rerun"), ("replay", "R", "--rerun", "--recorded"), ("replay", "R", "--see"))
+DECIDE = (("record", "rerun", "R"), ("record", "rerun", "R", "--recorded"), ("record", "rerun", "R", "--see"))
 TAKE_OUT = (
     ("record", "info", "R"),
     ("record", "export", "R", "--folder", "OUT/folder", "--jsonl", "OUT/lines.jsonl"),
 )
 LOOK = (
     ("record", "cut", "R", "1s", "2s", "-o", "OUT/piece.mcap"),
-    ("replay", "R"),
-    ("replay", "R", "--frames", "OUT/frames"),
+    ("record", "replay", "R"),
+    ("record", "replay", "R", "--frames", "OUT/frames"),
     ("show", "R", "--at", "2s"),
-    ("report", "R", "-o", "OUT/report.html"),
-    ("stats", "R"),
+    ("record", "report", "R", "-o", "OUT/report.html"),
+    ("record", "stats", "R"),
     ("record", "joints", "R"),
     ("record", "compare", "R", "R"),
 )

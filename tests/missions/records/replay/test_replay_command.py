@@ -1,4 +1,4 @@
-"""``mission replay``: what it says, what it writes, and with which exit code."""
+"""``mission record replay``: what it says, what it writes, and with which exit code."""
 
 import os
 import pty
@@ -8,12 +8,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import cv2
 import pytest
 from click.testing import CliRunner, Result
 
 from missions.library.shipped import shipped_missions
-from missions.plugins.records.commands.replay import command
+from missions.plugins.records.commands import replay as commands
 from missions.plugins.records.recording.faults import InvalidRecordError
 from missions.plugins.records.recording.read import Record
 from missions.request import RunRequest
@@ -22,23 +23,25 @@ from tests.waiting import wait_until
 
 GREET = shipped_missions()["greet"].read_text()
 
-RUN = (
-    "import sys; from missions.plugins.records.commands.replay import command as c; sys.exit(c(standalone_mode=False))"
-)
+RUN = "import sys; from missions.plugins.records.commands.replay import replay as c; sys.exit(c(standalone_mode=False))"
 """The command as a process of its own."""
 
 
 def replay(*arguments: object) -> Result:
-    return CliRunner().invoke(command, [str(each) for each in arguments], standalone_mode=False)
+    return CliRunner().invoke(commands.replay, [str(each) for each in arguments], standalone_mode=False)
 
 
-def refused(*arguments: object) -> str:
+def rerun(*arguments: object) -> Result:
+    return CliRunner().invoke(commands.rerun, [str(each) for each in arguments], standalone_mode=False)
+
+
+def refused(command: click.Command, *arguments: object) -> str:
     """Return why the command does not even begin."""
     return str(CliRunner().invoke(command, [str(each) for each in arguments]).output)
 
 
 def test_an_unchanged_mission_exits_with_0(greeted: Record) -> None:
-    result = replay(greeted.path, "--rerun")
+    result = rerun(greeted.path)
     assert result.return_value == 0
     assert result.output == f"{len(greeted.moments)} ticks decided again, 15 nodes compared: no difference\n"
 
@@ -46,7 +49,7 @@ def test_an_unchanged_mission_exits_with_0(greeted: Record) -> None:
 def test_a_changed_threshold_exits_with_1_and_names_the_place(greeted: Record, tmp_path: Path) -> None:
     mission = tmp_path / "greet.yaml"
     mission.write_text(GREET.replace("within: 5 deg", "within: 2 deg"))
-    result = replay(greeted.path, "--rerun", "--mission", mission)
+    result = rerun(greeted.path, "--mission", mission)
     assert result.return_value == 1
     assert re.search(r"first difference in tick \d+, at \d+\.\d+ s\n  face_centred \(1\.2\.2\.1\)", result.output)
     assert "then  greet.yaml:17  success" in result.output
@@ -59,12 +62,12 @@ def test_a_file_that_has_changed_since_is_named_first_and_the_recorded_one_can_b
     mission.write_text(GREET)
     record = record_of(RunRequest(str(mission), simulate="fast", eyes="truth"), tmp_path / "mine.mcap")
     mission.write_text(GREET.replace("within: 5 deg", "within: 2 deg"))
-    result = replay(record.path, "--rerun")
+    result = rerun(record.path)
     assert result.output.splitlines()[0] == f"{mission} has changed since"
     assert result.return_value == 1
-    assert replay(record.path, "--rerun", "--recorded").return_value == 0
+    assert rerun(record.path, "--recorded").return_value == 0
     mission.unlink()
-    result = replay(record.path, "--rerun")
+    result = rerun(record.path)
     assert result.output.splitlines()[0] == f"{mission} is gone since"
     assert result.return_value == 0
 
@@ -78,14 +81,14 @@ def test_python_of_a_record_is_listed_and_not_run_until_it_is_trusted(tmp_path: 
     path = record_of(order, tmp_path / "mine.mcap").path
     size = leaf.stat().st_size
     leaf.write_text(f"open({str(mark)!r}, 'w').close()\n{leaf.read_text()}")
-    said = refused(path, "--rerun")
+    said = refused(commands.rerun, path)
     assert f"holds Python that would be run:\n  behaviours/mine.py, {size} bytes, of {leaf}\n" in said
     assert f"try: mission record export {path} --folder FOLDER" in said
-    result = replay(path, "--rerun", "--trust-code")
+    result = rerun(path, "--trust-code")
     assert f"running the Python of {path}:\n  behaviours/mine.py, {size} bytes" in result.output
     assert result.return_value == 0
     assert not mark.exists()
-    assert replay(path, "--rerun", "--behaviours", leaf).return_value == 0
+    assert rerun(path, "--behaviours", leaf).return_value == 0
     assert mark.exists()
 
 
@@ -93,7 +96,7 @@ def test_what_the_record_never_heard_exits_with_2(tmp_path: Path) -> None:
     record = record_of(RunRequest("look_around", simulate="fast", eyes="truth"), tmp_path / "look_around.mcap")
     mission = tmp_path / "wave.yaml"
     mission.write_text("mission: wave\ntree:\n  sequence:\n    - gesture: hello\n")
-    result = replay(record.path, "--rerun", "--mission", mission)
+    result = rerun(record.path, "--mission", mission)
     assert result.return_value == 2
     assert "gesture (line 4) asks for arm.limits, which it has never heard" in result.output
 
@@ -101,7 +104,7 @@ def test_what_the_record_never_heard_exits_with_2(tmp_path: Path) -> None:
 def test_a_mission_that_has_nothing_in_common_exits_with_2(greeted: Record, tmp_path: Path) -> None:
     mission = tmp_path / "wave.yaml"
     mission.write_text("mission: wave\ntree:\n  drive: {distance: 1 m}\n")
-    result = replay(greeted.path, "--rerun", "--mission", mission)
+    result = rerun(greeted.path, "--mission", mission)
     assert result.return_value == 2
     assert "nothing to compare" in result.output
 
@@ -109,33 +112,37 @@ def test_a_mission_that_has_nothing_in_common_exits_with_2(greeted: Record, tmp_
 def test_a_mistake_in_todays_mission_is_told_as_such(greeted: Record, tmp_path: Path) -> None:
     mission = tmp_path / "greet.yaml"
     mission.write_text(GREET.replace("find_face", "find_fase"))
-    assert "did you mean 'find_face'?" in str(replay(greeted.path, "--rerun", "--mission", mission).exception)
+    assert "did you mean 'find_face'?" in str(rerun(greeted.path, "--mission", mission).exception)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("command", "arguments", "words"),
     [
-        (["--rerun", "--see"], "one of --frames, --rerun and --see"),
-        (["--recorded"], "add --rerun or --see"),
-        (["--at", "12"], "has no unit"),
-        (["--frames", "out.mp4"], "has no pictures"),
-        (["--see"], "has no pictures"),
-        (["--frames", "no/such/folder/out.mp4"], "no such folder"),
-        (["--frames", "out.gif"], "would become a folder, and ends in .gif\n  try: --frames out.webm"),
+        (commands.replay, ["--recorded"], "No such option"),
+        (commands.replay, ["--at", "12"], "has no unit"),
+        (commands.replay, ["--frames", "out.mp4"], "has no pictures"),
+        (commands.rerun, ["--see"], "has no pictures"),
+        (commands.replay, ["--frames", "no/such/folder/out.mp4"], "no such folder"),
+        (commands.replay, ["--frames", "out.gif"], "would become a folder, and ends in .gif\n  try: --frames out.webm"),
     ],
 )
 def test_what_cannot_be_is_refused_with_words(
-    greeted: Record, arguments: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: click.Command,
+    greeted: Record,
+    arguments: list[str],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert words in refused(greeted.path, *arguments)
+    assert words in refused(command, greeted.path, *arguments)
 
 
 def test_a_file_that_is_no_record_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "greet.mcap"
     path.write_text("mission: greet\n")
     with pytest.raises(InvalidRecordError, match="no record"):
-        CliRunner().invoke(command, [str(path), "--rerun"], catch_exceptions=False)
+        CliRunner().invoke(commands.rerun, [str(path)], catch_exceptions=False)
 
 
 def test_without_a_terminal_it_writes_lines(greeted: Record) -> None:
@@ -165,7 +172,7 @@ def test_frames_become_pictures_in_a_folder(pictured: Record, tmp_path: Path) ->
 
 
 def test_todays_eyes_find_what_was_found_then(pictured: Record) -> None:
-    result = replay(pictured.path, "--see")
+    result = rerun(pictured.path, "--see")
     assert result.return_value == 0
     assert re.search(r"\d+ pictures searched again: 1 found as then, 0 lost, 0 new\n  found  face", result.output)
 

@@ -1,4 +1,4 @@
-"""``mission report``: what it writes where, and what it says when it cannot."""
+"""``mission record report``: what it writes where, and what it says when it cannot."""
 
 import io
 import sys
@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from missions.cli.root import guarded
-from missions.plugins.records.commands.report import command
+from missions.plugins.records.commands.report import report as command
 from missions.plugins.records.recording.read import Record
 from tests.missions.views.pictures.test_document import Reader
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from missions.plugins.records.commands.stats import command
+from missions.plugins.records.commands.stats import stats as command
 from tests.missions.records.recording.small_record import items, write
 
 

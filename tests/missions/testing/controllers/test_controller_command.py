@@ -1,4 +1,4 @@
-"""``mission controller`` and ``mission tune``: what they print, draw and write, and what they refuse."""
+"""``mission controller`` and ``mission controller tune``: what they print, draw and write, and what they refuse."""
 
 import io
 import json
@@ -44,9 +44,9 @@ def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_list_has_every_controller_with_its_summary(capsys: pytest.CaptureFixture[str]) -> None:
-    found = command(capsys, "controller", "list")
+    found = command(capsys, "list", "controllers")
     assert found.code == SUCCESS
-    for (name, path), line in zip(shipped("controllers").items(), found.out.splitlines(), strict=True):
+    for (name, path), line in zip(shipped("controllers").items(), found.out.splitlines()[1:], strict=True):
         assert line.split(maxsplit=1) == [name, load_controller(path).summary]
 
 
@@ -131,7 +131,7 @@ def test_tuning_writes_a_new_file_and_shows_before_and_after(
     small: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Tuning, "cost", lambda _, factors: abs(factors[0] - 0.5))
-    found = command(capsys, "tune", "tracker", "--controller", small.name, "--evaluations", "10")
+    found = command(capsys, "controller", "tune", small.name, "--evaluations", "10")
     assert found.code == SUCCESS
     assert "  before" in found.out
     assert "  after" in found.out
@@ -148,7 +148,7 @@ def test_tuning_writes_over_nothing_unless_forced(
     monkeypatch.setattr(Tuning, "cost", lambda _, factors: abs(factors[0] - 0.5))
     other = small.parent / "other.yaml"
     other.write_text("mine", encoding="utf-8")
-    wish = ("tune", "tracker", "--controller", small.name, "-o", other.name, "--evaluations", "10")
+    wish = ("controller", "tune", small.name, "-o", other.name, "--evaluations", "10")
     refused = command(capsys, *wish)
     assert refused.code == USAGE
     assert "'other.yaml' exists: name another file with --output, or add --force" in refused.err
@@ -169,14 +169,14 @@ def test_the_best_numbers_so_far_are_kept_whatever_ends_it(
         return abs(factors[0] - 0.5)
 
     monkeypatch.setattr(Tuning, "cost", cost)
-    found = command(capsys, "tune", "tracker", "--controller", small.name, "--evaluations", "100")
+    found = command(capsys, "controller", "tune", small.name, "--evaluations", "100")
     assert (found.code, found.out) == (130, "")
     assert found.err == "mission: interrupted; small_tuned.yaml has the best numbers so far\n"
     assert load_controller(small.parent / "small_tuned.yaml").values != load_controller(small).values
 
 
 def test_rules_that_are_not_there_cannot_be_tuned(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    found = command(capsys, "tune", "tracker", "--controller", small.name, "--rules", "pan")
+    found = command(capsys, "controller", "tune", small.name, "--rules", "pan")
     assert found.code == USAGE
     assert "small.yaml: has no numbers under 'pan' to tune" in found.err
     assert not (small.parent / "small_tuned.yaml").exists()
@@ -186,7 +186,7 @@ def test_rules_that_are_not_there_cannot_be_tuned(small: Path, capsys: pytest.Ca
     ("library", "ours", "arguments", "cure"),
     [
         ("matplotlib.figure", "plots", ("controller", "show", "pd", "-o", "a.png"), "'missiontree[plots]'"),
-        ("scipy.optimize", "tuning", ("tune", "tracker"), "'missiontree[tune]'"),
+        ("scipy.optimize", "tuning", ("controller", "tune"), "'missiontree[tune]'"),
     ],
 )
 def test_an_extra_that_is_not_installed_is_named(

@@ -164,16 +164,6 @@ def test_without_matplotlib_it_says_what_to_install_and_goes_on(
     assert not (folder / "sweep-glance" / "sweep.png").exists()
 
 
-def test_without_dask_it_says_what_to_install(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    del folder
-    monkeypatch.delitem(sys.modules, "missions.plugins.testing.sweep.cluster", raising=False)
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    _, err = sweep(capsys, "--dask", "tcp://127.0.0.1:1", code=2)
-    assert "--dask needs Dask: pip install 'missiontree[cluster]'" in err
-
-
 @pytest.mark.parametrize(
     ("arguments", "what"),
     [
@@ -191,7 +181,6 @@ def test_without_dask_it_says_what_to_install(
         (["--param", "patiense=1 s"], "has no param 'patiense'"),
         (["--target", "95"], "needs a share such as '20 %': '95' has no unit"),
         (["--save-world", "x.yaml"], "--save-world is for one run: add --only SEED"),
-        (["--dask", "tcp://127.0.0.1:1", "--jobs", "2"], "--jobs is for this machine"),
         (["-o", "glance.yaml/x"], "glance.yaml/x: Not a directory"),
     ],
 )

@@ -1,0 +1,142 @@
+"""Options of commands, declared once: the fields of a dataclass, each with its type, bounds, default and help.
+
+::
+
+    @dataclass(frozen=True, kw_only=True)
+    class WalkOptions(RunOptions):
+        steps: int = option("How many steps to take.", default=10, low=1, group="Walking")
+
+The command line, the studio's form, the Python API and the tables of the docs are made of these declarations. Nothing
+here imports click.
+"""
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import field, fields
+from functools import cache
+from math import inf, isfinite
+from typing import Any, Literal, TypeVar
+
+from drivers.api.quick import dataclass
+
+Kind = Literal[
+    "text",
+    "flag",
+    "choice",
+    "integer",
+    "number",
+    "duration",
+    "frequency",
+    "size",
+    "path",
+    "file",
+    "params",
+    "ports",
+    "mission",
+    "robot",
+    "world",
+]
+"""The type of an option's value. ``mission``, ``robot`` and ``world`` are names or files; ``params`` and ``ports``
+are NAME=VALUE; a ``duration`` is in s, a ``frequency`` in Hz, a ``size`` in bytes; a ``file`` is a path of no
+folder."""
+
+
+ROS2 = "ROS 2"
+"""The heading of what several features declare."""
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """An option of a command. ``low`` and ``high`` bound its value, ``among`` are the possible words.
+
+    ``alone`` is the value if the option is given without one. ``group`` is its heading in the help, which shows it
+    without ``--help-all`` if ``newcomer``. ``several`` options make a tuple.
+    """
+
+    name: str
+    flag: str
+    kind: Kind
+    help: str
+    default: object = None
+    low: float | None = None
+    high: float | None = None
+    among: tuple[str, ...] = ()
+    metavar: str = ""
+    alone: str = ""
+    group: str = ""
+    newcomer: bool = False
+    several: bool = False
+    hidden: bool = False
+
+    def fault(self, value: object) -> str:
+        """Return the fault of a value that does not come from a command line; empty for a good one."""
+        if value is None or value == self.default:
+            return ""
+        if self.among and value not in self.among:
+            return f"must be one of {', '.join(self.among)}, got {value!r}"
+        if self.low is None and self.high is None:
+            return ""
+        low, high = -inf if self.low is None else self.low, inf if self.high is None else self.high
+        if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+            return f"must be a number, got {value!r}"
+        return "" if low <= value <= high else f"must be {self.bounds}, got {value!r}"
+
+    @property
+    def bounds(self) -> str:
+        """The bounds as text; empty without any."""
+        if self.low is not None and self.high is not None:
+            return f"from {self.low:g} to {self.high:g}"
+        return "" if self.low is None else f"at least {self.low:g}"
+
+
+def option(
+    help: str,  # noqa: A002 - it is the word for it
+    kind: Kind = "text",
+    *,
+    default: object = None,
+    flag: str = "",
+    among: Collection[str] = (),
+    **more: Any,
+) -> Any:
+    """Declare a field as an option. ``flag`` is its name on the command line, if not that of the field.
+
+    Without a ``kind``, a default of False makes a flag, and ``among`` a choice. ``more`` is as in ``Option``.
+    """
+    if default is False:
+        kind = "flag"
+    elif among:
+        kind = "choice"
+    made = {"help": help, "kind": kind, "flag": flag, "default": default, "among": tuple(among), **more}
+    if isinstance(default, Mapping):
+        return field(default_factory=lambda: dict(default), metadata={"option": made})
+    return field(default=default, metadata={"option": made})
+
+
+def options_of(cls: type) -> tuple[Option, ...]:
+    """Return the options that a dataclass declares, in their order."""
+    return _options_of(cls)
+
+
+@cache
+def _options_of(cls: Any) -> tuple[Option, ...]:
+    found = []
+    for each in fields(cls):
+        if (made := each.metadata.get("option")) is not None:
+            flag = made["flag"] or f"--{each.name.replace('_', '-')}"
+            found.append(Option(each.name, **made | {"flag": flag}))
+    return tuple(found)
+
+
+def faults(values: object) -> Iterator[tuple[Option, str]]:
+    """Yield the options of a dataclass whose values are out of bounds, each with its fault."""
+    for each in options_of(type(values)):
+        if fault := each.fault(getattr(values, each.name)):
+            yield each, fault
+
+
+T = TypeVar("T")
+
+
+def filled(cls: type[T], values: Mapping[str, object], **more: object) -> T:
+    """Return an instance with those of ``values`` that its options name; None stands for the default."""
+    given = {each.name: values[each.name] for each in options_of(cls) if values.get(each.name) is not None}
+    return cls(**given, **more)

@@ -1,0 +1,25 @@
+"""The option of `mission run` for films of simulated runs."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from drivers.api.quick import dataclass
+from missions.options import option
+from missions.request import CLOCK, RunOptions, RunRequest
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmOptions(RunOptions):
+    """Where the film of a run goes."""
+
+    film: Path | None = option(
+        "Film the camera's view and the room from above: into a .webm, or a folder of pictures.",
+        "path",
+        metavar="FILE",
+        group=CLOCK,
+    )
+
+    def adapt(self, request: RunRequest) -> RunRequest:
+        """Return the request in simulated time, unless it names a robot or a simulation."""
+        unnamed = self.film is not None and request.simulate is None and request.robot is None
+        return replace(request, simulate="fast") if unnamed else request

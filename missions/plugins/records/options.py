@@ -1,0 +1,45 @@
+"""Options of `mission run` for its record."""
+
+from pathlib import Path
+
+from drivers.api.quick import dataclass
+from missions.options import option
+from missions.request import RunOptions, RunRequest
+
+GROUP = "The record"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordOptions(RunOptions):
+    """Whether and where a run is recorded, and how large its record may grow."""
+
+    record: Path | None = option(
+        "Record the run into FILE.mcap, for `mission record`; in a folder, under the mission's name and the time. "
+        "Runs on a robot are recorded by default.",
+        "path",
+        metavar="FILE",
+        group=GROUP,
+        newcomer=True,
+    )
+    no_record: bool = option("Do not record a run on a robot.", default=False, group=GROUP)
+    record_limit: float | None = option(
+        "The maximum size of the record, by default 2 GB. Before that, pictures become rarer.",
+        "size",
+        metavar="SIZE",
+        group=GROUP,
+    )
+    record_frames: float | None = option(
+        "Pictures of the camera per second, by default 5; 0 for none.",
+        "frequency",
+        low=0,
+        high=100,
+        metavar="RATE",
+        group=GROUP,
+    )
+    overwrite: bool = option("Replace the record that is there.", default=False, group=GROUP)
+
+    def check(self, request: RunRequest) -> None:
+        """Raise ValueError for options that could only be ignored."""
+        del request
+        if self.no_record and self.record is not None:
+            raise ValueError("--record keeps it, --no-record does not: one of them")

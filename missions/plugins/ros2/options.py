@@ -1,0 +1,17 @@
+"""Options of `mission run` for the topics of ROS 2 that report it."""
+
+from drivers.api.quick import dataclass
+from missions.options import ROS2, option
+from missions.request import RunOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ros2Options(RunOptions):
+    """Whether a run is reported to ROS 2, and by which router."""
+
+    ros2: bool = option(
+        "Report the run to ROS 2: topics /mission/tree, variables, detections, events.", default=False, group=ROS2
+    )
+    ros2_router: str | None = option(
+        "The router, instead of the robot's: tcp/127.0.0.1:7447.", metavar="ADDRESS", group=ROS2
+    )
