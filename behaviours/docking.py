@@ -2,7 +2,8 @@
 
 import math
 from dataclasses import dataclass, replace
-from enum import StrEnum
+from enum import Enum, StrEnum
+from typing import Final
 
 from py_trees.common import Status
 
@@ -59,8 +60,8 @@ TRIES = 3
 SILENCE = DockBeam(0)
 
 
-class Stage(StrEnum):
-    """What it is at."""
+class HomingStage(StrEnum):
+    """HomingStage of the way to a dock, in words for people."""
 
     LEAVE = "turning past the dock, to measure where it is"
     SEARCH = "looking for the dock"
@@ -69,6 +70,25 @@ class Stage(StrEnum):
     ASIDE = "turning aside, to get in front of the dock"
     CROSS = "getting in front of the dock"
     BACK = "backing off, to try again"
+
+
+class HomingEvent(Enum):
+    """Event that ends a stage. HEARD_AHEAD, HEARD_ASIDE: a sweep has measured where the dock is."""
+
+    SILENCE, HEARD_AHEAD, HEARD_ASIDE, AIMED, CONTACTS_MISSED, DOCK_LOST = range(6)
+
+
+TRANSITIONS: Final = {
+    (HomingStage.LEAVE, HomingEvent.SILENCE): HomingStage.SEARCH,
+    (HomingStage.SEARCH, HomingEvent.HEARD_AHEAD): HomingStage.AIM,
+    (HomingStage.SEARCH, HomingEvent.HEARD_ASIDE): HomingStage.ASIDE,
+    (HomingStage.AIM, HomingEvent.AIMED): HomingStage.DRIVE,
+    (HomingStage.ASIDE, HomingEvent.AIMED): HomingStage.CROSS,
+    (HomingStage.DRIVE, HomingEvent.CONTACTS_MISSED): HomingStage.BACK,
+    (HomingStage.DRIVE, HomingEvent.DOCK_LOST): HomingStage.LEAVE,
+    (HomingStage.CROSS, HomingEvent.DOCK_LOST): HomingStage.LEAVE,
+    (HomingStage.BACK, HomingEvent.DOCK_LOST): HomingStage.LEAVE,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +103,7 @@ class Homing:
 
     origin: Pose2D
     since: float
-    stage: Stage = Stage.LEAVE
+    stage: HomingStage = HomingStage.LEAVE
     side: float = 1.0
     course: float = 0.0
     beams: DockBeam = SILENCE
@@ -104,19 +124,17 @@ def step(memory: Homing, state: BaseState, now: float, speed: float) -> tuple[Ho
     if state.dock:
         memory = replace(memory, noticed=now)
     match memory.stage:
-        case Stage.LEAVE:
+        case HomingStage.LEAVE:
             return _leave(memory, state, now)
-        case Stage.SEARCH:
+        case HomingStage.SEARCH:
             return _search(memory, state, now)
-        case Stage.AIM:
-            return _turn(memory, state, now, then=Stage.DRIVE)
-        case Stage.DRIVE:
+        case HomingStage.AIM | HomingStage.ASIDE:
+            return _turn(memory, state, now)
+        case HomingStage.DRIVE:
             return _drive(memory, state, now, speed)
-        case Stage.ASIDE:
-            return _turn(memory, state, now, then=Stage.CROSS)
-        case Stage.CROSS:
+        case HomingStage.CROSS:
             return _cross(memory, state, now)
-        case Stage.BACK:
+        case HomingStage.BACK:
             return _back(memory, state, now)
 
 
@@ -124,7 +142,7 @@ def _leave(memory: Homing, state: BaseState, now: float) -> tuple[Homing, Veloci
     """Turn away until the dock is out of hearing: a sweep has to begin in silence."""
     if now - memory.heard < HOLD:
         return memory, Velocity(0.0, -memory.side * LISTEN)
-    return _begin(memory, Stage.SEARCH, state, now), STILL
+    return _begin(memory, HomingEvent.SILENCE, state, now), STILL
 
 
 def _search(memory: Homing, state: BaseState, now: float) -> tuple[Homing, Velocity]:
@@ -140,14 +158,14 @@ def _search(memory: Homing, state: BaseState, now: float) -> tuple[Homing, Veloc
         return memory, Velocity(0.0, memory.side * LISTEN)
     dock, aside = (memory.first + memory.last) / 2, _aside(memory.beams)
     if aside == 0.0:
-        return replace(_begin(memory, Stage.AIM, state, now), course=dock), STILL
-    return replace(_begin(memory, Stage.ASIDE, state, now), side=aside, course=dock + aside * ACROSS), STILL
+        return replace(_begin(memory, HomingEvent.HEARD_AHEAD, state, now), course=dock), STILL
+    return replace(_begin(memory, HomingEvent.HEARD_ASIDE, state, now), side=aside, course=dock + aside * ACROSS), STILL
 
 
-def _turn(memory: Homing, state: BaseState, now: float, *, then: Stage) -> tuple[Homing, Velocity]:
+def _turn(memory: Homing, state: BaseState, now: float) -> tuple[Homing, Velocity]:
     off = memory.course - state.pose.heading
     if abs(off) <= FINE:
-        return _begin(memory, then, state, now), STILL
+        return _begin(memory, HomingEvent.AIMED, state, now), STILL
     return memory, Velocity(0.0, max(-SWEEP, min(SWEEP, EAGERNESS * off)))
 
 
@@ -156,7 +174,9 @@ def _drive(memory: Homing, state: BaseState, now: float, speed: float) -> tuple[
     if state.bumper or (memory.near and now - memory.since > HELD_UP):
         if memory.missed + 1 == TRIES:
             return replace(memory, failure=f"has missed the contacts of the dock {TRIES} times"), STILL
-        return replace(_begin(memory, Stage.BACK, state, now), missed=memory.missed + 1, near=False), STILL
+        return replace(
+            _begin(memory, HomingEvent.CONTACTS_MISSED, state, now), missed=memory.missed + 1, near=False
+        ), STILL
     if beams & NEAR_BEAMS and not memory.near:
         return _look(replace(memory, near=True), state, now)
     if now - max(memory.heard, memory.since) > LOST:
@@ -188,12 +208,12 @@ def _back(memory: Homing, state: BaseState, now: float) -> tuple[Homing, Velocit
 
 def _look(memory: Homing, state: BaseState, now: float) -> tuple[Homing, Velocity]:
     """Look for the dock, and measure where it is."""
-    return replace(_begin(memory, Stage.LEAVE, state, now), first=None, beams=SILENCE), STILL
+    return replace(_begin(memory, HomingEvent.DOCK_LOST, state, now), first=None, beams=SILENCE), STILL
 
 
-def _begin(memory: Homing, stage: Stage, state: BaseState, now: float) -> Homing:
-    """Begin another stage here and now."""
-    return replace(memory, stage=stage, origin=state.pose, since=now, astray=None)
+def _begin(memory: Homing, event: HomingEvent, state: BaseState, now: float) -> Homing:
+    """Begin the stage that follows, here and now."""
+    return replace(memory, stage=TRANSITIONS[memory.stage, event], origin=state.pose, since=now, astray=None)
 
 
 def _aside(beams: DockBeam) -> float:
@@ -263,11 +283,11 @@ class Dock(Entrusting):
     def trouble(self, state: BaseState, steering: Steering) -> str:
         stage = None if self._homing is None else self._homing.stage
         # What it touches on its way to the dock is the dock; and there is no edge where it stands on that.
-        return obstacle(state, Way.AHEAD if stage is Stage.CROSS else Way.ROUND, steering)
+        return obstacle(state, Way.AHEAD if stage is HomingStage.CROSS else Way.ROUND, steering)
 
     def resume(self, state: BaseState) -> None:
         super().resume(state)
-        if self._homing is not None and self._homing.stage is not Stage.DRIVE:
+        if self._homing is not None and self._homing.stage is not HomingStage.DRIVE:
             self._homing = None
 
     def seconds_needed(self, state: BaseState, start: Pose2D) -> float:

@@ -1,7 +1,9 @@
 """The Arduino of the Rodney head as its wire shows it: the sketch's end of rosserial, and four hobby servos."""
 
 from collections.abc import Iterator, Sequence
+from enum import Enum
 from threading import Lock
+from typing import Final
 
 from drivers.arduino import wire
 from drivers.arduino.wire import HEADER, Frame
@@ -68,6 +70,28 @@ TACHO_EVERY = 0.05
 FEWEST_MICROSECONDS, MOST_MICROSECONDS = 544, 2400  # the pulses that the Servo library makes for 0 and 180 degrees
 
 
+class SketchState(Enum):
+    """State of a sketch; UNCONFIGURED: it has no session with a computer, and publishes nothing."""
+
+    BOOTING, UNCONFIGURED, CONFIGURED = range(3)
+
+
+class SketchEvent(Enum):
+    """Event of a sketch; NEGOTIATE: it names its topics, STOP: the computer stops it, or is silent."""
+
+    RESET, BOOT, NEGOTIATE, STOP = range(4)
+
+
+TRANSITIONS: Final = {
+    **{(state, SketchEvent.RESET): SketchState.BOOTING for state in SketchState},
+    (SketchState.BOOTING, SketchEvent.BOOT): SketchState.UNCONFIGURED,
+    (SketchState.UNCONFIGURED, SketchEvent.NEGOTIATE): SketchState.CONFIGURED,
+    (SketchState.CONFIGURED, SketchEvent.NEGOTIATE): SketchState.CONFIGURED,
+    (SketchState.UNCONFIGURED, SketchEvent.STOP): SketchState.UNCONFIGURED,
+    (SketchState.CONFIGURED, SketchEvent.STOP): SketchState.UNCONFIGURED,
+}
+
+
 class VirtualRodney:
     """A ``drivers.virtual.terminal.WireDevice`` that plays the sketch, as flashed on a Nano or (``tacho``) a Teensy.
 
@@ -107,14 +131,14 @@ class VirtualRodney:
         self._shafts = [Shaft(start, start, SERVO_SPEED) for start in starts]
         self._lock = Lock()  # the world looks at the shafts from a thread of its own
         self._boots_until: float | None = None
-        self._booting = True
+        self._state = SketchState.BOOTING
         self._dtr = False
         self._restart()
 
     def _restart(self) -> None:
         """Forget what the sketch keeps in memory."""
         self._ear = Ear(self._buffer)
-        self._configured = False
+        self._state = TRANSITIONS[self._state, SketchEvent.RESET]
         self._asked = self._answered = self._measured = 0.0
         self._logs: list[wire.Log] = []
 
@@ -132,7 +156,7 @@ class VirtualRodney:
         """Press the reset button at time ``now``."""
         with self._lock:
             self._restart()
-            self._booting, self._boots_until = True, now + self._boot_delay
+            self._boots_until = now + self._boot_delay
 
     def opened(self, now: float) -> None:
         """The computer has opened the port at time ``now``, which raises DTR."""
@@ -163,7 +187,7 @@ class VirtualRodney:
             if not self._running(now):
                 return b""
             self._forget(now)
-            if not self._configured:
+            if self._state is not SketchState.CONFIGURED:
                 return b""
             said = b"".join(wire.Frame(wire.LOG, line.pack()).pack() for line in self._logs)
             self._logs.clear()
@@ -178,28 +202,28 @@ class VirtualRodney:
     def _forget(self, now: float) -> None:
         """Forget a computer that has answered no question for long."""
         if now - self._answered > LOST_AFTER:
-            self._configured = False
+            self._state = TRANSITIONS[self._state, SketchEvent.STOP]
 
     def _running(self, now: float) -> bool:
         """Say whether the sketch runs; when it begins to, it sends its servos to their starts."""
         if self._boots_until is None:
             self._boots_until = now + self._boot_delay
-        if self._booting and now >= self._boots_until:
-            self._booting = False
+        if self._state is SketchState.BOOTING and now >= self._boots_until:
+            self._state = TRANSITIONS[self._state, SketchEvent.BOOT]
             for shaft, start in zip(self._shafts, self._starts, strict=True):
                 self.widest_start = max(self.widest_start, abs(start - shaft.advance(now)))
                 shaft.goal = start
-        return not self._booting
+        return self._state is not SketchState.BOOTING
 
     def _answer(self, frame: wire.Frame | None, now: float) -> bytes:
         if frame is None:
-            return b"" if self._configured else wire.REQUEST_TIME
+            return b"" if self._state is SketchState.CONFIGURED else wire.REQUEST_TIME
         if frame.topic == wire.PUBLISHER:
             return self._negotiate(now)
         if frame.topic == wire.TIME:
             self._answered = now
         elif frame.topic == wire.STOP:
-            self._configured = False
+            self._state = TRANSITIONS[self._state, SketchEvent.STOP]
         elif frame.topic == self._listens.id and len(frame.data) >= 3:
             command = wire.ServoAngle.unpack(frame.data)
             self._turn(command, now)
@@ -209,7 +233,7 @@ class VirtualRodney:
 
     def _negotiate(self, now: float) -> bytes:
         """Ask for the time, then name the topics: what is published first, then what is listened to."""
-        self._configured = True
+        self._state = TRANSITIONS[self._state, SketchEvent.NEGOTIATE]
         self._asked = self._answered = now
         published = wire.Frame(wire.PUBLISHER, self._publishes.pack()).pack() if self._publishes else b""
         return wire.REQUEST_TIME + published + wire.Frame(wire.SUBSCRIBER, self._listens.pack()).pack()

@@ -4,8 +4,10 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from enum import Enum
 from math import inf
 from threading import RLock
+from typing import Final
 
 from drivers.api import (
     HEAD_ACCELERATION,
@@ -39,6 +41,27 @@ without our knowing it."""
 
 SILENT_AFTER = 0.5
 """Seconds without an answer after which it counts as offline."""
+
+
+class GuardianState(Enum):
+    """State of the guardian behind a port; UNMET and GREETING: it has not answered on this connection."""
+
+    UNMET, GREETING, ONLINE, SILENT = range(4)
+
+
+class GuardianEvent(Enum):
+    """Event on the port of a guardian."""
+
+    CONNECT, REPORT, TIMEOUT = range(3)
+
+
+TRANSITIONS: Final = {
+    **{(state, GuardianEvent.CONNECT): GuardianState.GREETING for state in GuardianState},
+    **{(state, GuardianEvent.REPORT): GuardianState.ONLINE for state in GuardianState},
+    (GuardianState.GREETING, GuardianEvent.TIMEOUT): GuardianState.UNMET,
+    (GuardianState.ONLINE, GuardianEvent.TIMEOUT): GuardianState.SILENT,
+}
+"""Any other pair leads to UNMET, in which the servos are sent nowhere."""
 
 
 class KeeperHead(LedHead[ServoAxis], Enabling):
@@ -81,13 +104,12 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
         self._lock = RLock()  # over what is sent, whoever sends it
         self._lines = LineFinder()
         self._counters: Counter[str] = Counter({"reports": 0, "malformed": 0})
-        self._boot: int | None = None  # of the keeper whose servos are known; None on a new connection
-        self._before: int | None = None  # the same of the connection before
+        self._state = GuardianState.UNMET
+        self._boot: int | None = None  # of the newest keeper that answered, on whichever connection
         self._sent: tuple[int, int] | None = None
         self._told: tuple[int, int] | None = None  # where they were, by the newest answer that said so
         self._newest: Reading[HeadPose] | None = None
         self._heard_at = self._asked_at = self._connected_at = -inf
-        self._silent = True
 
     # --- what behaviours ask -----------------------------------------------------------------------------------------
 
@@ -147,8 +169,8 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
         self._link.set_dtr(on=True)
         self._hold()
         self._lines = LineFinder()
-        self._before, self._boot = self._boot or self._before, None
-        self._connected_at, self._silent = self._clock.now(), False
+        self._handle(GuardianEvent.CONNECT)
+        self._connected_at = self._clock.now()
         self._ask(self._connected_at)
 
     def received(self, data: bytes) -> None:
@@ -168,8 +190,9 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
         if now - self._asked_at >= ASKING:
             self._ask(now)
         self._step()
-        if not self._silent and now - max(self._connected_at, self._heard_at) > SILENT_AFTER:
-            self._silent = True
+        waits = self._state in {GuardianState.GREETING, GuardianState.ONLINE}
+        if waits and now - max(self._connected_at, self._heard_at) > SILENT_AFTER:
+            self._handle(GuardianEvent.TIMEOUT)
             self._hold()
             self._report(DeviceStatus(self.name, "offline", self._silence(), self._cure))
 
@@ -189,9 +212,10 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
         now = self._clock.now()
         self._counters["reports"] += 1
         with self._lock:
-            known = self._boot if self._boot is not None else self._before
-            anew = known is not None and found.boot != known
-            if self._boot != found.boot:
+            before, was_met = self._state, self._met
+            anew = self._boot is not None and found.boot != self._boot
+            self._handle(GuardianEvent.REPORT)
+            if anew or not was_met:
                 self._boot = found.boot
                 self._settle(found, now, anew=anew)
             elif (found.first, found.second) != self._sent and guardian_wire.UNKNOWN not in (found.first, found.second):
@@ -201,8 +225,7 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
             if self._absence.heard(now, anew=anew):
                 self._hold()
             self._heard_at = now
-        if self._silent:
-            self._silent = False
+        if before in {GuardianState.UNMET, GuardianState.SILENT}:
             self._report(DeviceStatus(self.name, "online", f"{self._link.port}: the servos are there again"))
 
     def _settle(self, found: guardian_wire.Report, now: float, *, anew: bool) -> None:
@@ -232,7 +255,7 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
         """Lead both servos on, while it is sure that somebody hears it. Raises NotConnected."""
         with self._lock:
             now, boot, sent = self._clock.now(), self._boot, self._sent
-            if boot is None or sent is None:
+            if boot is None or sent is None or not self._met:
                 return
             if not self._sure(now):
                 self._way.hold(now)
@@ -274,13 +297,21 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
             self._way.hold(now, 0.0)
         return now
 
+    def _handle(self, event: GuardianEvent) -> None:
+        self._state = TRANSITIONS.get((self._state, event), GuardianState.UNMET)
+
+    @property
+    def _met(self) -> bool:
+        """Whether the guardian has answered on this connection."""
+        return self._state in {GuardianState.ONLINE, GuardianState.SILENT}
+
     def _sure(self, now: float) -> bool:
-        return self._boot is not None and now - self._heard_at <= SURE
+        return self._met and now - self._heard_at <= SURE
 
     @property
     def _online(self) -> bool:
         now = self._clock.now()
-        return self._link.online and self._boot is not None and now - self._heard_at <= SILENT_AFTER
+        return self._link.online and self._met and now - self._heard_at <= SILENT_AFTER
 
     def _silence(self) -> str:
         return f"{self.name}: {self._link.port}: {self._why() or 'open, but nobody who holds its servos answers'}"

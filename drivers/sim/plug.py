@@ -22,7 +22,6 @@ class Plug:
         back: Callable[[], None] = ignore,
         gone: Callable[[], None] = ignore,
     ) -> None:
-        self.online = False
         self.connections = 0
         self._name = name
         self._report = guarded(report)
@@ -30,6 +29,11 @@ class Plug:
         self._gone = gone
         self._open = False
         self._plugged = True
+
+    @property
+    def online(self) -> bool:
+        """Whether it is open and plugged in."""
+        return self._open and self._plugged
 
     def open(self) -> None:
         """Look for the device: it is online at once if it is plugged in. Does nothing while open."""
@@ -39,22 +43,22 @@ class Plug:
 
     def close(self) -> None:
         """Let the device go. Safe more than once."""
-        self._open = self.online = False
+        self._open = False
         self.connections = 0
 
     def unplug(self) -> None:
         """Pull the plug. Safe more than once."""
-        self._plugged = False
-        if self.online:
-            self.online = False
+        was_online, self._plugged = self.online, False
+        if was_online:
             self._gone()
             why = self.absent()
             self._report(DeviceStatus(self._name, "offline", str(why), why.hint))
 
     def plug_in(self) -> None:
         """Put the plug in again. Safe more than once."""
-        self._plugged = True
-        self._connect()
+        if not self._plugged:
+            self._plugged = True
+            self._connect()
 
     def require(self) -> None:
         """Raise NotConnected, with the reason and what to try, unless the device is online."""
@@ -70,8 +74,7 @@ class Plug:
         return Health(online=False, detail=str(why), hint=why.hint, counters=figures)
 
     def _connect(self) -> None:
-        if self._open and self._plugged and not self.online:
-            self.online = True
+        if self.online:
             self.connections += 1
             self._report(DeviceStatus(self._name, "online", "the simulated device is there"))
             self._back()

@@ -2,7 +2,9 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from enum import Enum
 from threading import Condition
+from typing import Final
 
 from drivers.api import DeviceStatus, Report, ignore
 from drivers.clock import Clock
@@ -21,6 +23,30 @@ HOPELESS = 3
 """Deaths in a row after which a program is not waited for any more; it is started again all the same."""
 
 
+class ProgramState(Enum):
+    """State of a program; DEAD: its worker starts it again."""
+
+    CLOSED, STARTING, READY, DEAD = range(4)
+
+
+class ProgramEvent(Enum):
+    """Event of a program and of its worker."""
+
+    OPEN, START, READY, DIE, CLOSE = range(5)
+
+
+TRANSITIONS: Final = {
+    **{(state, ProgramEvent.CLOSE): ProgramState.CLOSED for state in ProgramState},
+    (ProgramState.CLOSED, ProgramEvent.OPEN): ProgramState.STARTING,
+    (ProgramState.STARTING, ProgramEvent.START): ProgramState.STARTING,
+    (ProgramState.STARTING, ProgramEvent.READY): ProgramState.READY,
+    (ProgramState.STARTING, ProgramEvent.DIE): ProgramState.DEAD,
+    (ProgramState.READY, ProgramEvent.DIE): ProgramState.DEAD,
+    (ProgramState.DEAD, ProgramEvent.START): ProgramState.STARTING,
+}
+"""Any other pair changes nothing: what a program says while it is being closed comes too late."""
+
+
 class Partner(ABC):
     """Talks with ``worker``: a ``drivers.transport.pipe.Talker``. A subclass says what its answers mean."""
 
@@ -30,25 +56,33 @@ class Partner(ABC):
         self._report = guarded(report)
         self._hint = hint
         self._news = Condition()  # over all that is told
-        self._ready = False
+        self._program = ProgramState.CLOSED
         self._since = 0.0  # when it was started last
         self._deaths = 0  # in a row
         self._absent = ""
         self._told: set[DeviceStatus] = set()
-        self._open = False
 
     def open(self) -> None:
         """Start the program; returns at once. Safe more than once."""
-        if not self._open:
-            self._open = True
+        if self._program is ProgramState.CLOSED:
+            self._handle_program(ProgramEvent.OPEN)
             self._worker.open(self)
 
     def close(self) -> None:
         """End it. Safe from any state, more than once."""
-        self._open = False
+        self._handle_program(ProgramEvent.CLOSE)
         self._worker.close()
         with self._news:
-            self._ready, self._deaths, self._absent = False, 0, ""
+            self._deaths, self._absent = 0, ""
+            self._news.notify_all()
+
+    @property
+    def _ready(self) -> bool:
+        return self._program is ProgramState.READY
+
+    def _handle_program(self, event: ProgramEvent) -> None:
+        with self._news:
+            self._program = TRANSITIONS.get((self._program, event), self._program)
             self._news.notify_all()
 
     @property
@@ -60,7 +94,8 @@ class Partner(ABC):
     def _be_ready(self, cut: Cut) -> bool:
         """Wait for the program to be ready; False when it was broken off. Raises NotConnected and NoReply."""
         with cut.then(self._wake), self._news:
-            self._news.wait_for(lambda: self._ready or cut.made or self.broken or not self._open, START)
+            settled = ProgramState.READY, ProgramState.CLOSED
+            self._news.wait_for(lambda: self._program in settled or cut.made or self.broken, START)
             if self._ready or cut.made:
                 return not cut.made
             stuck = self._worker.health().online and self._clock.now() - self._since > STUCK
@@ -94,8 +129,8 @@ class Partner(ABC):
 
     def started(self) -> None:
         """Note that it runs; that it is ready, it says itself."""
-        with self._news:
-            self._ready, self._since = False, self._clock.now()
+        self._since = self._clock.now()
+        self._handle_program(ProgramEvent.START)
 
     def received(self, message: Message, body: bytes) -> None:
         """Keep what it says, and wake who waits for that."""
@@ -108,7 +143,8 @@ class Partner(ABC):
 
     def _noted(self, message: Message, body: bytes) -> DeviceStatus | None:
         if "ready" in message:
-            self._ready, self._deaths = True, 0
+            self._handle_program(ProgramEvent.READY)
+            self._deaths = 0
             return None
         if "absent" in message:
             self._absent = f"{self._worker.name}: {message['absent']}"
@@ -117,7 +153,5 @@ class Partner(ABC):
 
     def lost(self, why: str) -> None:  # noqa: ARG002 - the worker reports it
         """Note that it has died."""
-        with self._news:
-            self._ready = False
-            self._deaths += 1
-            self._news.notify_all()
+        self._deaths += 1
+        self._handle_program(ProgramEvent.DIE)

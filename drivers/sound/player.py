@@ -1,7 +1,9 @@
 """The loudspeaker: sounds one at a time, through a program that owns the sound card."""
 
 from collections.abc import Callable
+from enum import Enum
 from pathlib import Path
+from typing import Final
 
 from drivers.api import DeviceStatus, Report, ignore
 from drivers.clock import Clock
@@ -27,6 +29,27 @@ Begun = Callable[[float, float], None]
 """Told when a sound begins: the clock's time, and how many seconds it lasts."""
 
 
+class SoundState(Enum):
+    """State of a sound in its program; REFUSED: it cannot be decoded."""
+
+    SENT, PLAYING, ENDED, REFUSED = range(4)
+
+
+class SoundEvent(Enum):
+    """A new sound, or a message of the program about it."""
+
+    SEND, START, END, REFUSE = range(4)
+
+
+TRANSITIONS: Final = {
+    **{(state, SoundEvent.SEND): SoundState.SENT for state in SoundState},
+    (SoundState.SENT, SoundEvent.START): SoundState.PLAYING,
+    (SoundState.SENT, SoundEvent.REFUSE): SoundState.REFUSED,
+    (SoundState.PLAYING, SoundEvent.END): SoundState.ENDED,
+}
+"""Any other pair changes nothing: the program may be mistaken, and what does not end is killed."""
+
+
 class Player(Partner):
     """Plays through ``device`` (part of its name; empty: the system's choice), ``volume`` 1 as the sound comes.
 
@@ -49,12 +72,12 @@ class Player(Partner):
         super().__init__(worker, clock, report=report, hint=self.hint)
         self.mute = ""
         self._number = 0  # of the sound below
-        self._begun: float | None = None
+        self._sound = SoundState.ENDED
+        self._begun_at = 0.0
         self._listener: Begun | None = None  # until it was told of the beginning
         self._seconds = 0.0
         self._given = self._taken = 0  # pieces of it: sent, and there
-        self._ended = False
-        self._refused = ""
+        self._refusal = ""
 
     def play(self, sound: Speech, cut: Cut, begun: Begun) -> bool:
         """Play a sound to its end; False when it was broken off. Raises NotConnected or NoReply."""
@@ -73,9 +96,9 @@ class Player(Partner):
         if not self._begin(cut, begun):
             return False
         self._worker.send({"file": self._number, "path": str(path.absolute())})
-        known = self._until(lambda: self._begun is not None or self._refused, cut, DECODING)
-        if self._refused:
-            raise BadRequest(f"{self._worker.name}: {path}: {self._refused}", hint=f"`file {path}` shows what it is")
+        known = self._until(lambda: self._sound is not SoundState.SENT, cut, DECODING)
+        if self._sound is SoundState.REFUSED:
+            raise BadRequest(f"{self._worker.name}: {path}: {self._refusal}", hint=f"`file {path}` shows what it is")
         return self._finish(cut, self._seconds) if known else self._silenced(cut)
 
     def _begin(self, cut: Cut, begun: Begun) -> bool:
@@ -83,25 +106,24 @@ class Player(Partner):
             return False
         with self._news:
             self._number += 1
-            self._begun, self._seconds, self._ended, self._refused = None, 0.0, False, ""
-            self._given = self._taken = 0
+            self._handle_sound(SoundEvent.SEND)
+            self._seconds, self._given, self._taken = 0.0, 0, 0
         self._listener = begun
         return True
 
     def _tell(self, seconds: float) -> None:
         """Tell, once, that it has begun, if it has."""
-        if self._begun is not None and self._listener is not None:
+        if self._sound in {SoundState.PLAYING, SoundState.ENDED} and self._listener is not None:
             listener, self._listener = self._listener, None
-            listener(self._begun, seconds)
+            listener(self._begun_at, seconds)
 
     def _finish(self, cut: Cut, seconds: float) -> bool:
         """Wait for the beginning and the end of what is on its way."""
-        if not self._until(lambda: self._begun is not None, cut, SLACK):
+        if not self._until(lambda: self._sound in {SoundState.PLAYING, SoundState.ENDED}, cut, SLACK):
             return self._silenced(cut)
         self._tell(seconds)
-        began = self._begun if self._begun is not None else self._clock.now()
-        left = began + seconds + SLACK - self._clock.now()
-        return self._until(lambda: self._ended, cut, left) or self._silenced(cut)
+        left = self._begun_at + seconds + SLACK - self._clock.now()
+        return self._until(lambda: self._sound is SoundState.ENDED, cut, left) or self._silenced(cut)
 
     def _silenced(self, cut: Cut) -> bool:
         """Return False once it is silent, by its leave or not. Raises NoReply where nobody wanted it to be."""
@@ -112,8 +134,8 @@ class Player(Partner):
         try:
             self._worker.send({"stop": self._number}, timeout=QUIET / 2)
             with self._news:  # what has not begun will not be heard: the stop comes right behind it
-                quiet = self._begun is None or self._news.wait_for(
-                    lambda: self._ended or not self._ready, until - self._clock.now()
+                quiet = self._sound is not SoundState.PLAYING or self._news.wait_for(
+                    lambda: self._sound is SoundState.ENDED or not self._ready, until - self._clock.now()
                 )
         except (NoReply, ConnectionError):
             quiet = False
@@ -134,9 +156,14 @@ class Player(Partner):
             case {"taken": self._number}:
                 self._taken += 1
             case {"started": self._number, "seconds": seconds}:
-                self._begun, self._seconds = self._clock.now(), float(seconds)
+                self._begun_at, self._seconds = self._clock.now(), float(seconds)
+                self._handle_sound(SoundEvent.START)
             case {"ended": self._number}:
-                self._ended = True
+                self._handle_sound(SoundEvent.END)
             case {"refused": self._number, "why": why}:
-                self._refused = str(why)
+                self._refusal = str(why)
+                self._handle_sound(SoundEvent.REFUSE)
         return None
+
+    def _handle_sound(self, event: SoundEvent) -> None:
+        self._sound = TRANSITIONS.get((self._sound, event), self._sound)

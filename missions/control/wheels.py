@@ -2,8 +2,10 @@
 
 from collections import OrderedDict
 from collections.abc import Callable
+from enum import Enum
 from math import inf, radians
 from secrets import randbits
+from typing import Final
 
 from drivers.api import Base, Head
 from drivers.clock import Clock
@@ -63,6 +65,27 @@ LONGEST_TURN = 0.1
 """Seconds that a command turns the head for at most."""
 
 
+class WheelState(Enum):
+    """State of the wheels; STOPPED: the base stands, and its driver has to let go before it moves again."""
+
+    STILL, MOVING, STOPPED = range(3)
+
+
+class WheelEvent(Enum):
+    """Command of a driver (PUSH, or LET_GO for zero and for a new driver), or a STOP for whatever reason."""
+
+    PUSH, LET_GO, STOP = range(3)
+
+
+TRANSITIONS: Final = {
+    **{(state, WheelEvent.LET_GO): WheelState.STILL for state in WheelState},
+    **{(state, WheelEvent.STOP): WheelState.STOPPED for state in WheelState},
+    (WheelState.STILL, WheelEvent.PUSH): WheelState.MOVING,
+    (WheelState.MOVING, WheelEvent.PUSH): WheelState.MOVING,
+    (WheelState.STOPPED, WheelEvent.PUSH): WheelState.STOPPED,
+}
+
+
 class Wheels:
     """Gives the wheels of a run to one driver at a time, and passes on what that one commands. For one thread.
 
@@ -79,14 +102,14 @@ class Wheels:
         self._number = -1
         self._state_at = -inf  # when the newest state was issued that the driver has seen
         self._looked = -inf
-        self._lost = self._moving = False
+        self._state = WheelState.STILL
         self.round_trip = 0.0
         """How old (s) the state behind the driver's last command was; 0 where there is none."""
 
     @property
     def ends_at(self) -> float:
         """When the base is to stop, as the state behind the command in force is too old then; inf where it stands."""
-        return self._state_at + MAX_STATE_AGE if self._moving and not self._lost else inf
+        return self._state_at + MAX_STATE_AGE if self._state is WheelState.MOVING else inf
 
     def stamp(self) -> int:
         """Return the stamp of a state that is sent now."""
@@ -132,8 +155,8 @@ class Wheels:
         """Drive as commanded, for ``COMMAND_LIFE``, and no longer than until ``ends_at``."""
         pilot, base, _ = self._owned(key, command)
         still = command.ahead == 0 and command.left == 0
-        self._lost, self._moving = self._lost and not still, not still
-        if self._lost:
+        self._handle(WheelEvent.LET_GO if still else WheelEvent.PUSH)
+        if self._state is WheelState.STOPPED:
             pilot.steer(None)
             raise _not_let_go()
         if base.latched:
@@ -148,7 +171,7 @@ class Wheels:
         pilot, _, now = self._owned(key, command)
         if not self._has_head:
             raise BadMessage("no_base", "this run has no head to turn")
-        if self._lost and (command.left or command.down):
+        if self._state is WheelState.STOPPED and (command.left or command.down):
             raise _not_let_go()
         seconds = min(now - self._looked, LONGEST_TURN)
         self._looked = now
@@ -194,13 +217,16 @@ class Wheels:
     def _let_go(self) -> None:
         if self._pilot is not None:
             self._pilot.steer(None)
-        self._lost = True
+        self._handle(WheelEvent.STOP)
 
     def _hand_to(self, key: object | None) -> None:
         self._driver = key
         self._number, self._state_at = -1, -inf
-        self._lost = self._moving = False
+        self._handle(WheelEvent.LET_GO)
         self.round_trip = 0.0
+
+    def _handle(self, event: WheelEvent) -> None:
+        self._state = TRANSITIONS.get((self._state, event), WheelState.STOPPED)
 
 
 def _not_let_go() -> BadMessage:

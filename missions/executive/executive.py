@@ -1,8 +1,11 @@
 """The tick loop: when to tick, what to tell, and how a run ends safely whatever ends it."""
 
 from collections.abc import Callable, Mapping
+from enum import Enum
 from math import inf
 from queue import SimpleQueue
+from threading import Lock
+from typing import Final
 
 from py_trees.common import Status
 
@@ -17,6 +20,33 @@ from missions.executive.frozen_tick import Changes, FrozenTick, OnMoment
 from missions.executive.guard import Guard
 from missions.executive.stream import Stream
 from missions.executive.tick_record import TickRecord
+
+
+class RunMode(Enum):
+    """Mode of a tick loop; HELD: paused, and no request resumes or steps it."""
+
+    TICKING, PAUSED, HELD = range(3)
+
+
+class RunModeEvent(Enum):
+    """Request to a tick loop, or the ALARM of its guard."""
+
+    PAUSE, RESUME, HOLD, RELEASE, ALARM = range(5)
+
+
+TRANSITIONS: Final = {
+    **{(mode, RunModeEvent.HOLD): RunMode.HELD for mode in RunMode},
+    **{(mode, RunModeEvent.ALARM): RunMode.TICKING for mode in RunMode},  # the next ticks end the mission
+    (RunMode.TICKING, RunModeEvent.PAUSE): RunMode.PAUSED,
+    (RunMode.TICKING, RunModeEvent.RESUME): RunMode.TICKING,
+    (RunMode.TICKING, RunModeEvent.RELEASE): RunMode.TICKING,
+    (RunMode.PAUSED, RunModeEvent.PAUSE): RunMode.PAUSED,
+    (RunMode.PAUSED, RunModeEvent.RESUME): RunMode.TICKING,
+    (RunMode.PAUSED, RunModeEvent.RELEASE): RunMode.PAUSED,
+    (RunMode.HELD, RunModeEvent.PAUSE): RunMode.HELD,
+    (RunMode.HELD, RunModeEvent.RESUME): RunMode.HELD,
+    (RunMode.HELD, RunModeEvent.RELEASE): RunMode.PAUSED,
+}
 
 HALT_TIME = 2.0
 """Seconds that leaves have to stop cleanly at the end of a run; then their actuators are brought to rest anyway."""
@@ -85,8 +115,7 @@ class Executive:
         self.idle: Callable[[float], object] = run.woken.wait
         """Lets time pass while the mission is paused: real time, unless somebody puts a simulated one in its place."""
         self._stop_reason: str | None = None
-        self._paused = False
-        self._held = False
+        self._mode, self._mode_lock = RunMode.TICKING, Lock()
         self._steps: SimpleQueue[None] = SimpleQueue()  # counts: no step is lost, whatever thread it comes from
         run.observer = stream
         run.notify = self._notify
@@ -104,31 +133,31 @@ class Executive:
 
     def pause(self) -> None:
         """Stop ticking; the mission keeps its place, and its actuators hold still."""
-        self._paused = True
-        self._woken.set()
+        self._change_mode(RunModeEvent.PAUSE)
 
     @property
     def paused(self) -> bool:
         """True from ``pause`` to ``resume``."""
-        return self._paused
+        return self._mode is not RunMode.TICKING
 
     def hold(self, *, held: bool) -> None:
         """Pause, and neither tick nor step, whatever anybody asks for, until held no longer; it is paused then."""
-        self._paused = self._paused or held
-        self._held = held
-        self._woken.set()
+        self._change_mode(RunModeEvent.HOLD if held else RunModeEvent.RELEASE)
 
     def step(self) -> None:
         """Tick once while paused; nothing while held."""
-        if not self._held:
+        if self._mode is not RunMode.HELD:
             self._steps.put(None)
             self._woken.set()
 
     def resume(self) -> None:
         """Go on after ``pause``; nothing while held."""
-        if not self._held:
-            self._paused = False
-            self._woken.set()
+        self._change_mode(RunModeEvent.RESUME)
+
+    def _change_mode(self, event: RunModeEvent) -> None:
+        with self._mode_lock:  # a resume that was under way must not undo the hold of a stop
+            self._mode = TRANSITIONS[self._mode, event]
+        self._woken.set()
 
     # --- the loop -----------------------------------------------------------------------------------------------------
 
@@ -144,10 +173,11 @@ class Executive:
         due = self.run.now()
         held = False
         while self._stop_reason is None:
-            step = not self._held and not self._steps.empty()
+            mode = self._mode
+            step = mode is not RunMode.HELD and not self._steps.empty()
             if step:
                 self._steps.get()
-            elif self._paused:
+            elif mode is not RunMode.TICKING:
                 if not held:
                     # A sentence is not broken off for a pause.
                     self.run.safe_stop(self.root.claims - SOUNDING)
@@ -158,7 +188,7 @@ class Executive:
                 self.run.beat()
                 self._keep_watch(due)
                 if self._alarm:
-                    self._paused = False  # the next tick ends the mission
+                    self._change_mode(RunModeEvent.ALARM)
                 continue
             held = False
             self._woken.clear()

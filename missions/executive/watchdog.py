@@ -2,9 +2,10 @@
 
 import os
 from collections.abc import Callable, Mapping
+from enum import Enum
 from threading import Event, Thread
 from types import TracebackType
-from typing import Self
+from typing import Final, Self
 
 from behaviours.leaf import Leaf
 from behaviours.run import Run, log
@@ -38,6 +39,26 @@ class Limits:
     fail: float = 2.0
     lost: float = 15.0
     react: float = 2.0
+
+
+class LoopState(Enum):
+    """State of a tick loop; STALLED: the robot was stopped, STOPPED_TWICE: and again, for a command under way."""
+
+    ALIVE, STALLED, STOPPED_TWICE = range(3)
+
+
+class LoopEvent(Enum):
+    """Observation of a tick loop; REPEAT: the second stop is due."""
+
+    LIFE, STALL, REPEAT = range(3)
+
+
+TRANSITIONS: Final = {
+    **{(state, LoopEvent.LIFE): LoopState.ALIVE for state in LoopState},
+    (LoopState.ALIVE, LoopEvent.STALL): LoopState.STALLED,
+    (LoopState.STALLED, LoopEvent.REPEAT): LoopState.STOPPED_TWICE,
+}
+"""Any other pair leads to STALLED, in which no leaf may set an actuator moving."""
 
 
 Still = Mapping[str, Callable[[], None]]
@@ -81,9 +102,9 @@ class Watchdog:
         self._watched: tuple[Leaf | None, int] = (None, 0)
         self._watched_since = 0.0
         self._reported = False
-        self._stalled: tuple[Leaf | None, int] | None = None
+        self._loop = LoopState.ALIVE
+        self._stalled: tuple[Leaf | None, int] = (None, 0)  # the leaf that held the loop up, and the tick
         self._stalled_at = 0.0
-        self._again = False
 
     def start(self) -> None:
         """Begin to look."""
@@ -118,7 +139,7 @@ class Watchdog:
         """
         if self._process not in (None, os.getpid()):
             raise DeviceFault("kept still: a forked process cannot drive the robot")
-        if self._stalled is not None and self._stalled == (self._run.working, self._run.tick):
+        if self._loop is not LoopState.ALIVE and self._stalled == (self._run.working, self._run.tick):
             raise DeviceFault(f"kept still: {self._culprit(self._stalled[0])} holds the tick")
 
     def look(self) -> None:
@@ -162,18 +183,22 @@ class Watchdog:
     def _look_at_loop(self, now: float, silence: float) -> None:
         """Keep the robot still while the loop shows no life."""
         if silence <= self.limits.stall:
-            self._stalled = None
+            self._handle(LoopEvent.LIFE)
             return
         leaf = self._run.working
-        if self._stalled is None:
-            self._stalled, self._stalled_at, self._again = (leaf, self._run.tick), now, True
+        if self._loop is LoopState.ALIVE:
+            self._stalled, self._stalled_at = (leaf, self._run.tick), now
+            self._handle(LoopEvent.STALL)
             self._fault(f"{self._culprit(leaf)} has held up the robot for {silence:.2f} s: it is kept still")
             self._keep_still()
-        elif self._again and now - self._stalled_at > AGAIN:
-            self._again = False
+        elif self._loop is LoopState.STALLED and now - self._stalled_at > AGAIN:
+            self._handle(LoopEvent.REPEAT)
             self._keep_still()
         if silence > self.limits.lost:
             self._give_up("failure", f"{self._culprit(leaf)}: held the tick for over {self.limits.lost:g} s")
+
+    def _handle(self, event: LoopEvent) -> None:
+        self._loop = TRANSITIONS.get((self._loop, event), LoopState.STALLED)
 
     def _keep_still(self) -> None:
         free = [part for part in self._still if part not in self._hands or not self._hands[part].is_alive()]

@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import replace
+from random import Random
 from typing import Any
 
 import pytest
 
-from behaviours.docking import BACK, FULL_TURN, HOLD, LOST, SLOW, SWEEP, TRIES, Dock, Homing, Stage, step
+from behaviours.docking import BACK, FULL_TURN, HOLD, LOST, SLOW, SWEEP, TRIES, Dock, Homing, HomingStage, step
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from drivers.api import (
     BaseState,
@@ -21,6 +22,7 @@ from drivers.api import (
     Velocity,
 )
 from missions.plugins.testing.recorders import STOP, Bench, good
+from tests.machines import walk
 
 STILL = Velocity(0.0, 0.0)
 FAR, NEAR = DockBeam.FAR_CENTRE, DockBeam.NEAR_CENTRE
@@ -49,7 +51,7 @@ class Path:
         heard = [self.beams if abs(off - look) <= self.view else DockBeam(0) for look in (1.05, 0.0, -1.05)]
         return DockSignals(*heard)
 
-    def go(self, *, until: Stage | None = None, seconds: float = 60.0, **felt: Any) -> None:
+    def go(self, *, until: HomingStage | None = None, seconds: float = 60.0, **felt: Any) -> None:
         """Go on until a stage begins, or it has failed, or for ``seconds``."""
         for _ in range(round(seconds / TICK)):
             self.now += TICK
@@ -61,23 +63,36 @@ class Path:
                 return
 
 
-def begin(stage: Stage = Stage.LEAVE, **memory: Any) -> Homing:
+def begin(stage: HomingStage = HomingStage.LEAVE, **memory: Any) -> Homing:
     return replace(Homing(Pose2D(0.0, 0.0, 0.0), 0.0, stage), **memory)
+
+
+def test_random_docks_take_every_transition_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    def go(path: Path, chance: Random) -> None:
+        path.bearing += chance.choice((0.0, 0.0, 0.0, 0.3, -1.0))
+        path.beams = chance.choice((FAR, FAR, NEAR, DockBeam.FAR_LEFT, DockBeam.NEAR_RIGHT, DockBeam(0)))
+        path.go(seconds=chance.choice((0.1, 1.0, 3.0)), bumper=chance.choice((Sides(), Sides(centre=True))))
+        if path.memory.failure:
+            path.memory = begin(path.memory.stage)
+
+    table = walk(monkeypatch, "behaviours.docking.TRANSITIONS", lambda: Path(begin()), [go], walks=60)
+    assert table.visited == set(table)
+    assert not table.missing
 
 
 def test_the_dock_is_in_the_middle_of_the_headings_at_which_it_was_heard() -> None:
     path = Path(begin(), bearing=2.0)
-    path.go(until=Stage.AIM)
+    path.go(until=HomingStage.AIM)
     assert path.memory.course == pytest.approx(2.0, abs=0.03)
-    path.go(until=Stage.DRIVE)
+    path.go(until=HomingStage.DRIVE)
     assert path.heading == pytest.approx(2.0, abs=0.03)
 
 
 def test_a_dock_that_it_hears_at_once_is_left_first_so_as_to_hear_both_of_its_ends() -> None:
     path = Path(begin(), bearing=0.2)
-    path.go(until=Stage.SEARCH)
+    path.go(until=HomingStage.SEARCH)
     assert path.heading < 0.2 - 0.6
-    path.go(until=Stage.AIM)
+    path.go(until=HomingStage.AIM)
     assert path.memory.course == pytest.approx(0.2, abs=0.03)
 
 
@@ -92,14 +107,14 @@ def test_a_dock_that_it_hears_at_once_is_left_first_so_as_to_hear_both_of_its_en
 )
 def test_from_beside_the_middle_it_crosses_into_it_and_looks_again(beams: DockBeam, side: float) -> None:
     path = Path(begin(), bearing=2.0, beams=beams)
-    path.go(until=Stage.ASIDE)
+    path.go(until=HomingStage.ASIDE)
     assert path.memory.course == pytest.approx(2.0 + side * math.radians(50), abs=0.03)
-    path.go(until=Stage.CROSS)
+    path.go(until=HomingStage.CROSS)
     path.go(seconds=2.0)
     assert path.velocity.linear > 0.0
     path.beams = FAR
-    path.go(until=Stage.LEAVE, seconds=2 * TICK)
-    assert path.memory.stage is Stage.LEAVE
+    path.go(until=HomingStage.LEAVE, seconds=2 * TICK)
+    assert path.memory.stage is HomingStage.LEAVE
     assert path.memory.side == -side
 
 
@@ -114,54 +129,54 @@ def test_with_no_dock_to_be_heard_it_turns_once_round_and_gives_up() -> None:
 
 def test_a_report_that_misses_the_beams_does_not_end_the_sweep() -> None:
     path = Path(begin(), bearing=2.0)
-    path.go(until=Stage.SEARCH)
+    path.go(until=HomingStage.SEARCH)
     while path.memory.first is None:
         path.go(seconds=TICK)
     path.beams = DockBeam(0)
     path.go(seconds=HOLD - 2 * TICK)
     path.beams = FAR
-    path.go(until=Stage.AIM)
+    path.go(until=HomingStage.AIM)
     assert path.memory.course == pytest.approx(2.0, abs=0.03)
 
 
 def test_it_takes_aim_once_more_when_it_comes_near_and_goes_slowly_then() -> None:
-    path = Path(begin(Stage.DRIVE), bearing=0.0)
+    path = Path(begin(HomingStage.DRIVE), bearing=0.0)
     path.go(seconds=1.0)
     assert path.velocity.linear == 0.1
     path.beams = NEAR
-    path.go(until=Stage.LEAVE, seconds=1.0)
+    path.go(until=HomingStage.LEAVE, seconds=1.0)
     assert path.memory.near
-    path.go(until=Stage.DRIVE)
+    path.go(until=HomingStage.DRIVE)
     path.go(seconds=1.0)
     assert path.velocity.linear == SLOW
 
 
 def test_a_dock_that_falls_silent_on_the_way_is_looked_for_anew() -> None:
-    path = Path(begin(Stage.DRIVE), bearing=0.0)
+    path = Path(begin(HomingStage.DRIVE), bearing=0.0)
     path.go(seconds=1.0)
     path.beams = DockBeam(0)
     path.go(seconds=LOST - TICK)
-    assert path.memory.stage is Stage.DRIVE
+    assert path.memory.stage is HomingStage.DRIVE
     path.go(seconds=3 * TICK)
-    assert path.memory.stage is not Stage.DRIVE
+    assert path.memory.stage is not HomingStage.DRIVE
 
 
 def test_a_way_that_leads_beside_the_middle_is_left() -> None:
-    path = Path(begin(Stage.DRIVE), bearing=0.0)
+    path = Path(begin(HomingStage.DRIVE), bearing=0.0)
     path.beams = DockBeam.FAR_LEFT | DockBeam.FAR_CENTRE
-    path.go(until=Stage.LEAVE, seconds=1.0)
-    assert path.memory.stage is Stage.LEAVE
+    path.go(until=HomingStage.LEAVE, seconds=1.0)
+    assert path.memory.stage is HomingStage.LEAVE
 
 
 def test_one_that_touches_the_dock_beside_its_contacts_backs_off_and_gives_up_in_the_end() -> None:
-    path = Path(begin(Stage.DRIVE, near=True), bearing=0.0, beams=NEAR)
+    path = Path(begin(HomingStage.DRIVE, near=True), bearing=0.0, beams=NEAR)
     for missed in range(1, TRIES):
         path.go(seconds=TICK, bumper=Sides(centre=True))
-        assert (path.memory.stage, path.memory.missed) == (Stage.BACK, missed)
+        assert (path.memory.stage, path.memory.missed) == (HomingStage.BACK, missed)
         came = path.x
-        path.go(until=Stage.LEAVE)
+        path.go(until=HomingStage.LEAVE)
         assert came - path.x == pytest.approx(BACK, abs=0.02)
-        path.memory = replace(path.memory, stage=Stage.DRIVE)
+        path.memory = replace(path.memory, stage=HomingStage.DRIVE)
     path.go(seconds=TICK, bumper=Sides(centre=True))
     assert path.memory.failure == "has missed the contacts of the dock 3 times"
 
@@ -281,4 +296,4 @@ def test_after_a_person_has_had_the_wheels_it_looks_for_the_dock_anew() -> None:
     assert leaf.reason == "teleoperation has the wheels"
     bench.base.steers, bench.base.reading = Steering(None, STILL, STILL), good(at(heading=5.0))
     assert bench.tick(leaf, after=1.0) is RUNNING
-    assert leaf.reason == Stage.SEARCH
+    assert leaf.reason == HomingStage.SEARCH

@@ -18,7 +18,7 @@ from behaviours.voice import Say
 from drivers.api import Manner
 from drivers.clock import SystemClock
 from drivers.sound.engines import Espeak
-from drivers.sound.player import Player
+from drivers.sound.player import Player, SoundState
 from drivers.voice.speech import SpeechVoice
 from missions.plugins.testing.recorders import Bench
 from tests.waiting import wait_until
@@ -88,7 +88,7 @@ class Trial:
         def halt() -> None:
             self.voice.rest()
             with self.player._news:
-                self.player._news.wait_for(lambda: self.player._ended, 1.0)
+                self.player._news.wait_for(lambda: self.player._sound is SoundState.ENDED, 1.0)
 
         return self.timed(halt)
 

@@ -17,12 +17,13 @@ from drivers.api import DeviceStatus, HeadPose, Velocity
 from drivers.base.reckoning import TwoWheels
 from drivers.errors import DeviceFault, DriverError
 from drivers.head.axis import ServoAxis
-from drivers.head.guardian_head import KeeperHead
+from drivers.head.guardian_head import SILENT_AFTER, KeeperHead
 from drivers.pi_car.driver import KeeperBase
 from drivers.sim.body import Body
 from drivers.sim.timeline import Timeline
 from drivers.transport import guardian_wire
 from drivers.transport.guardian import SERVO_SPEED, Keeper, Servos, Wheels
+from drivers.transport.link import Link
 from drivers.virtual.guardian import VirtualCar, VirtualServos
 from missions.executive.events import Event, Logged
 from missions.library.drivers import load_robot
@@ -30,6 +31,7 @@ from missions.request import RunRequest
 from missions.runner import Runner
 from tests.drivers.cranked import PERIOD, HandWire, pass_until
 from tests.drivers.damaged import MISHAPS, Damaged
+from tests.machines import walk
 from tests.tries import tries
 
 TRANSACTIONS = tries(2500, most=10_000)
@@ -212,6 +214,30 @@ def test_a_keeper_that_begins_anew_in_mid_move_is_noticed_and_nothing_of_before_
     bench.passes(2.0)
     assert bench.servos.angle(0, bench.clock.now()) == 90
     assert bench.servos.widest <= STEP
+
+
+def test_random_events_take_every_transition_and_servos_are_sent_nowhere_before_an_answer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def connect(bench: Bench, _: Random) -> None:
+        sent.clear()
+        bench.head.connected()
+        bench.head.pulse()
+        assert not any(isinstance(guardian_wire.read(line), guardian_wire.Go) for line in sent)
+
+    def answer(bench: Bench, chance: Random) -> None:
+        bench.head.received(guardian_wire.report(chance.choice((7, 8)), 90, 90))
+
+    def fall_silent(bench: Bench, _: Random) -> None:
+        bench.clock.advance(SILENT_AFTER + 0.01)
+        bench.head.pulse()
+
+    sent = list[bytes]()
+    monkeypatch.setattr(Link, "write", lambda _, data: sent.extend(data.splitlines()))
+    monkeypatch.setattr(Link, "set_dtr", lambda *_, **__: None)
+    table = walk(monkeypatch, "drivers.head.guardian_head.TRANSITIONS", Bench, [connect, answer, fall_silent])
+    assert table.visited == set(table)
+    assert not table.missing
 
 
 def test_unplugged_in_mid_move_and_plugged_in_again_all_stays_at_rest_until_it_is_asked_anew(bench: Bench) -> None:

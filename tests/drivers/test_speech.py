@@ -15,7 +15,7 @@ from drivers.errors import NoReply, NotConnected
 from drivers.sound import engines, partner
 from drivers.sound.cut import Cut
 from drivers.sound.engines import Espeak
-from drivers.sound.player import Player
+from drivers.sound.player import Player, SoundState
 from drivers.voice.speech import SpeechVoice
 from tests.cases import each
 from tests.waiting import wait_until
@@ -144,7 +144,7 @@ def test_halted_the_player_falls_silent_by_itself(room: Room) -> None:
         words = room.voice.say(LONG)
         wait_until(lambda: words.started is not None)  # noqa: B023 - it is waited for here
         words.cancel()
-        wait_until(lambda: room.player._ended)
+        wait_until(lambda: room.player._sound is SoundState.ENDED)
     assert room.starts(room.player) == 1
     assert room.notices == []
 

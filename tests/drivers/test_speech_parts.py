@@ -6,7 +6,9 @@ import signal
 import sys
 import wave
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
+from random import Random
 from subprocess import PIPE, Popen
 from threading import Thread
 from typing import Any
@@ -23,7 +25,8 @@ from drivers.sound import espeak_worker, sound_worker
 from drivers.sound.cut import Cut
 from drivers.sound.engines import Espeak, Piper
 from drivers.sound.manner import espeak_name, filled
-from drivers.sound.player import Player
+from drivers.sound.partner import ProgramEvent, ProgramState
+from drivers.sound.player import Player, SoundEvent, SoundState
 from drivers.sound.printed import PrintedVoice
 from drivers.sound.program import Ran, Speaker, Synthesiser, run
 from drivers.sound.protocol import PIECE, Speech, pieces, request, speech
@@ -34,6 +37,7 @@ from drivers.transport.pipe import Message, Unframer, Worker, frame
 from drivers.voice.make import Wish, make_voice
 from drivers.voice.speech import SpeechVoice
 from tests.cases import each
+from tests.machines import walk
 from tests.waiting import wait_until
 
 # --- manners ----------------------------------------------------------------------------------------------------------
@@ -254,6 +258,7 @@ class Slow(Worker):
 def test_that_a_long_sound_has_begun_is_told_before_all_of_it_was_sent() -> None:
     slow, player = Slow(), Player(SystemClock())
     slow.player, player._worker = player, slow
+    player._handle_program(ProgramEvent.OPEN)
     player.received({"ready": "Null"}, b"")
     assert player.play(Speech(bytes(5 * PIECE), 22_050), Cut(), lambda _, seconds: slow.begun.append(seconds))
     assert slow.heard == [0, 1, 1, 1, 1]
@@ -261,6 +266,42 @@ def test_that_a_long_sound_has_begun_is_told_before_all_of_it_was_sent() -> None
 
 
 # --- breaking off -----------------------------------------------------------------------------------------------------
+
+
+def test_random_messages_take_every_transition(monkeypatch: pytest.MonkeyPatch) -> None:
+    def send(player: Player, _: Random) -> None:
+        player._handle_sound(SoundEvent.SEND)
+
+    def receive(player: Player, chance: Random) -> None:
+        kind = chance.choice(("started", "ended", "refused", "taken"))
+        player.received({kind: chance.choice((0, 0, 7)), "seconds": 1.0, "why": "no sound"}, b"")
+        assert player._sound is not SoundState.REFUSED or player._refusal
+
+    table = walk(monkeypatch, "drivers.sound.player.TRANSITIONS", lambda: Player(ManualClock()), [send, receive])
+    assert table.visited == set(table)
+
+
+def test_random_events_of_a_program_take_every_transition_and_none_revives_a_closed_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def happen(player: Player, chance: Random) -> None:
+        was_closed = player._program is ProgramState.CLOSED
+        events = (
+            player.started,
+            lambda: player.received({"ready": "Null"}, b""),
+            lambda: player.lost("killed"),
+            player.close,
+        )
+        chance.choice(events)()
+        assert not was_closed or player._program is ProgramState.CLOSED
+
+    def open_it(player: Player, _: Random) -> None:
+        if player._program is ProgramState.CLOSED:
+            player._handle_program(ProgramEvent.OPEN)
+
+    player_of = partial(Player, ManualClock())
+    table = walk(monkeypatch, "drivers.sound.partner.TRANSITIONS", player_of, [happen, happen, open_it])
+    assert table.visited == set(table)
 
 
 def test_what_is_broken_off_is_told_once_while_that_matters() -> None:

@@ -1,11 +1,14 @@
 """The sketch's behaviour towards the computer, without any terminal: bytes and the time in, bytes out."""
 
+from random import Random
+
 import pytest
 
 from drivers.arduino import wire
 from drivers.arduino.virtual import ATTACHED, VirtualRodney
 from drivers.head.axis import STARTS
 from drivers.sim.servo import SERVO_SPEED
+from tests.machines import walk
 
 
 def command(index: int, angle: int) -> bytes:
@@ -160,3 +163,26 @@ def test_a_board_starts_anew_with_its_plug_and_all_but_those_with_native_usb_whe
         device.plugged(2.0)
         device.poll(2.0)
         assert device.angle(0, 3.0) == 90
+
+
+class Powered:
+    """A sketch with a clock of its own."""
+
+    def __init__(self) -> None:
+        self.device, self.now = VirtualRodney(boot_delay=1.0), 0.0
+
+
+def test_random_events_take_every_transition_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    def let_time_pass(powered: Powered, chance: Random) -> None:
+        powered.now += chance.choice((0.5, 1.5, 12.0))
+        powered.device.poll(powered.now)
+
+    def send(powered: Powered, chance: Random) -> None:
+        powered.device.feed(chance.choice((wire.PROBE, wire.STOP_SENDING)), powered.now)
+
+    def reset(powered: Powered, _: Random) -> None:
+        powered.device.reset(powered.now)
+
+    table = walk(monkeypatch, "drivers.arduino.virtual.TRANSITIONS", Powered, [let_time_pass, send, send, reset])
+    assert table.visited == set(table)
+    assert not table.missing

@@ -9,13 +9,15 @@ from typing import Any
 import pytest
 
 from behaviours.leaf import RUNNING, SUCCESS
-from drivers.api import Pose2D
+from drivers.api import STILL, Pose2D, Steering
+from drivers.clock import ManualClock
 from missions.plugins.setup.doctor.base_trial import TURN, WAY, TryBase
 from missions.plugins.setup.doctor.base_verdict import SeenMotion, encoder_fault, judge
 from missions.plugins.testing.recorders import Bench
 from tests.contract.test_base_contract import BaseRig, TwinBase, WireBase
 from tests.contract.test_plain_base_contract import Twin, WaveRover, Waveshare
 from tests.contract.test_ros2_base_contract import Topics
+from tests.machines import walk
 from tests.tries import tries
 
 
@@ -278,3 +280,20 @@ def test_faults_of_encoders_by_signs_alone(encoders: str) -> None:
 
 def test_degrees_of_the_example() -> None:
     assert degrees(TURN) == pytest.approx(10)
+
+
+def test_random_times_and_faults_take_every_transition_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Driven(Bench):
+        """The leaf on a base that moves as it likes."""
+
+        def __init__(self) -> None:
+            super().__init__(ManualClock())
+            self.leaf = self.put(TryBase("try_base"))
+
+    def tick(driven: Driven, chance: Random) -> None:
+        driven.base.steers = Steering(None, STILL, STILL, fault=chance.choice(("", "", "", "blocked")))
+        driven.tick(driven.leaf, after=chance.choice((0.05, 0.4, 1.1)))
+
+    table = walk(monkeypatch, "missions.plugins.setup.doctor.base_trial.TRANSITIONS", Driven, [tick], walks=60)
+    assert table.visited == set(table)
+    assert not table.missing

@@ -4,6 +4,7 @@ import json
 import signal
 from collections.abc import Callable
 from pathlib import Path
+from random import Random
 from threading import Event
 
 import pytest
@@ -19,9 +20,10 @@ from drivers.virtual.terminal import Terminal
 from missions.executive.events import Event as Told
 from missions.executive.events import FaultRaised
 from missions.executive.stream import Stream
-from missions.executive.watchdog import GLANCE, Limits, Watchdog
+from missions.executive.watchdog import GLANCE, Limits, LoopState, Watchdog
 from missions.request import RunRequest
 from missions.runner import Runner
+from tests.machines import walk
 from tests.missions.command import Process, command
 from tests.waiting import wait_until
 
@@ -470,3 +472,26 @@ def _is_dead(process: int) -> bool:
     """Say whether a process has ended; its parent may not have asked for its end yet."""
     status = Path(f"/proc/{process}/stat")
     return not status.exists() or status.read_text().rpartition(")")[2].split()[0] == "Z"
+
+
+def test_random_silences_take_every_transition_and_a_stalled_leaf_moves_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def look(kennel: Kennel, chance: Random) -> None:
+        kennel.clock.advance(chance.choice((GLANCE, 0.3, 0.6)))
+        kennel.dog.look()
+        if kennel.dog._loop is not LoopState.ALIVE:
+            with pytest.raises(DeviceFault, match="holds the tick"):
+                kennel.dog.permit()
+
+    def live(kennel: Kennel, _: Random) -> None:
+        kennel.run.beat()
+        kennel.dog.look()
+        kennel.dog.permit()
+
+    def new_kennel() -> Kennel:
+        return Kennel(ManualClock())
+
+    table = walk(monkeypatch, "missions.executive.watchdog.TRANSITIONS", new_kennel, [look, look, look, live], walks=30)
+    assert table.visited == set(table)
+    assert not table.missing

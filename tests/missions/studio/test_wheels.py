@@ -1,6 +1,9 @@
 """Who drives, and which commands count: on a clock of the test's own."""
 
 from collections.abc import Callable
+from contextlib import suppress
+from math import inf
+from random import Random
 
 import pytest
 
@@ -11,6 +14,7 @@ from missions.control.form import BadMessage
 from missions.control.pilot import MAX_STATE_AGE
 from missions.control.wheels import KEPT_TIME, Wheels
 from missions.plugins.testing.recorders import STOP, RecordedBase, RecordedHead
+from tests.machines import walk
 
 
 class Driving:
@@ -230,3 +234,28 @@ def test_a_robot_without_a_base_says_so() -> None:
     wheels = Wheels(None, None, ManualClock())
     with pytest.raises(BadMessage, match="no base"):
         wheels.take("Ada", "Ada")
+
+
+def test_random_commands_take_every_transition_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    def drive(driving: Driving, chance: Random) -> None:
+        with suppress(BadMessage):
+            driving.drive(chance.choice(("Ada", "Bob")), ahead=chance.choice((0.0, 1.0)))
+
+    def let_time_pass(driving: Driving, _: Random) -> None:
+        driving.clock.advance(MAX_STATE_AGE + 0.01)
+        driving.wheels.check(driving.clock.now())
+        assert driving.wheels.ends_at == inf
+
+    def stop(driving: Driving, _: Random) -> None:
+        driving.wheels.stop()
+
+    def take(driving: Driving, chance: Random) -> None:
+        driving.wheels.take(name := chance.choice(("Ada", "Bob")), name)
+
+    def give(driving: Driving, chance: Random) -> None:
+        driving.wheels.give(chance.choice(("Ada", "Bob")))
+
+    actions = [drive, drive, let_time_pass, stop, take, give]
+    table = walk(monkeypatch, "missions.control.wheels.TRANSITIONS", Driving, actions)
+    assert table.visited == set(table)
+    assert not table.missing

@@ -1,7 +1,9 @@
 """The leaf that tries a base: at rest, a little to its left and back, a little ahead and back."""
 
 from dataclasses import dataclass, field
+from enum import Enum
 from math import degrees, radians
+from typing import Final
 
 from py_trees.common import Status
 
@@ -67,6 +69,27 @@ STEPS: tuple[tuple[str, Velocity, float], ...] = (
 """The name under which a step is kept, its velocity, and how long it takes."""
 
 
+class TrialPhase(Enum):
+    """Phase of one step of a trial; ABORTING: it settles after a fault, and its way back is left out."""
+
+    READY, MOVING, SETTLING, ABORTING = range(4)
+
+
+class TrialEvent(Enum):
+    """Event of one step of a trial."""
+
+    START, TIME_UP, FAULT, SETTLED = range(4)
+
+
+TRANSITIONS: Final = {
+    (TrialPhase.READY, TrialEvent.START): TrialPhase.MOVING,
+    (TrialPhase.MOVING, TrialEvent.TIME_UP): TrialPhase.SETTLING,
+    (TrialPhase.MOVING, TrialEvent.FAULT): TrialPhase.ABORTING,
+    (TrialPhase.SETTLING, TrialEvent.SETTLED): TrialPhase.READY,
+    (TrialPhase.ABORTING, TrialEvent.SETTLED): TrialPhase.READY,
+}
+
+
 class TryBase(Leaf):
     """Move the base a little, each movement bounded in time and in what is commanded; note what is measured.
 
@@ -78,10 +101,9 @@ class TryBase(Leaf):
     drives = frozenset({"base"})
     trial: BaseTrial
     _index = 0
-    _from: InstrumentReadings | None = None  # the instruments when the step began
+    _phase = TrialPhase.READY
+    _from = InstrumentReadings()  # the instruments when the step began
     _until = 0.0
-    _settling = False
-    _faulty = False  # this step was cut short
     _commanded = 0.0
     _seen_at = 0.0
     _reported_at = 0.0
@@ -89,7 +111,7 @@ class TryBase(Leaf):
     def initialise(self) -> None:
         """Begin at rest."""
         self.trial = BaseTrial()
-        self._index, self._from, self._settling = 0, None, False
+        self._index, self._phase = 0, TrialPhase.READY
         self._reported_at = self.run.now()
 
     def update(self) -> Status:
@@ -110,24 +132,27 @@ class TryBase(Leaf):
     def _step(self, state: BaseState, now: float) -> Status:
         name, velocity, seconds = STEPS[self._index]
         here = instruments(state)
-        if self._from is None:
+        if self._phase is TrialPhase.READY:
             self.trial.measured, self.trial.counted = not state.reckoned, state.odometers is not None
-            self._from, self._until = here, now + seconds
-            self._settling, self._faulty, self._commanded, self._seen_at = False, False, 0.0, now
+            self._from, self._until, self._commanded, self._seen_at = here, now + seconds, 0.0, now
+            self._handle(TrialEvent.START)
         moved = _since(self._from, here, now - self._until + seconds)
-        if not self._settling and now < self._until and not self._runs_away(moved, velocity):
-            self._drive(velocity, now)
-            if not self._note_fault(velocity):
+        if self._phase is TrialPhase.MOVING:
+            if now < self._until and not self._runs_away(moved, velocity):
+                self._drive(velocity, now)
+                self._note_fault(velocity)
+            if now < self._until and self._phase is TrialPhase.MOVING:
                 return self.wait(f"{name or 'back'}: commanded {_amount(velocity)}")
-        if not self._settling:
-            self._settling, self._until = True, now + (SETTLING_TIME if velocity != STILL else 0.0)
+            if self._phase is TrialPhase.MOVING:
+                self._handle(TrialEvent.TIME_UP)
+            self._until = now + (SETTLING_TIME if velocity != STILL else 0.0)
             self.robot.base.stop()
         if now < self._until:
             return self.wait("settling")
         if name:
             setattr(self.trial, name, moved)
-        self._index += 2 if name and self._faulty else 1  # after a fault its way back is left out
-        self._from = None
+        self._index += 2 if name and self._phase is TrialPhase.ABORTING else 1
+        self._handle(TrialEvent.SETTLED)
         return self.wait("next")
 
     def _drive(self, velocity: Velocity, now: float) -> None:
@@ -151,16 +176,17 @@ class TryBase(Leaf):
         self._fault(f"it moved by {way:.2f} m and {degrees(turned):.0f} deg: stopped")
         return True
 
-    def _note_fault(self, velocity: Velocity) -> bool:
-        """Keep the reason for which the driver has stopped the base; say if it has."""
-        fault = self.robot.base.steering().fault if velocity != STILL else ""
-        if fault:
+    def _note_fault(self, velocity: Velocity) -> None:
+        """Keep the reason for which the driver has stopped the base, if it has."""
+        if velocity != STILL and (fault := self.robot.base.steering().fault):
             self._fault(fault)
-        return bool(fault)
 
     def _fault(self, reason: str) -> None:
-        self._faulty = True
+        self._handle(TrialEvent.FAULT)
         self.trial.faults.append(reason)
+
+    def _handle(self, event: TrialEvent) -> None:
+        self._phase = TRANSITIONS[self._phase, event]
 
     def terminate(self, new_status: Status) -> None:
         """Stand still, whatever comes."""

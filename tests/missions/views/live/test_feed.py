@@ -3,15 +3,22 @@
 import json
 import signal
 from collections.abc import Sequence
+from enum import Enum
+from random import Random
+from threading import Thread
 from types import FrameType
 
+import pytest
+
 from drivers.clock import ManualClock
+from missions.executive import executive
 from missions.executive.events import Event, Logged, NodeChanged, Ticked, VariableSet
-from missions.executive.executive import Executive
+from missions.executive.executive import Executive, RunMode, RunModeEvent
 from missions.executive.parts import PartState
 from missions.executive.stream import Stream
 from missions.trees.feed import MOST_LINES, Feed
 from perception.api import Box, Face, Scene
+from tests.machines import RecordingTable, tables, walk
 from tests.missions.views.pictures.drawn import plan_of, ready
 
 
@@ -172,6 +179,50 @@ def test_a_step_is_made_only_while_paused() -> None:
     assert not fed.executive._steps.empty()
     fed.feed.do({"do": "resume"})
     assert fed.feed.news()["paused"] is False
+
+
+def test_random_requests_take_every_transition_and_a_hold_outlasts_all_but_an_alarm(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def request(fed: Fed, chance: Random) -> None:
+        run = fed.executive
+        was_held = run._mode is RunMode.HELD
+        chance.choice((run.pause, run.resume, run.step))()
+        assert not was_held or run._mode is RunMode.HELD
+
+    def hold(fed: Fed, chance: Random) -> None:
+        fed.executive.hold(held=chance.random() < 0.5)
+
+    def alarm(fed: Fed, _: Random) -> None:
+        fed.executive._change_mode(RunModeEvent.ALARM)
+
+    actions = [request, request, hold, alarm]
+    table = walk(monkeypatch, "missions.executive.executive.TRANSITIONS", Fed, actions, walks=20)
+    assert table.visited == set(table)
+    assert not table.missing
+
+
+def test_resume_that_was_under_way_does_not_undo_a_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    class SlowTable(RecordingTable):
+        """The table as a thread finds it that is interrupted by a stop at its first look-up."""
+
+        stop: Thread | None = None
+
+        def __getitem__(self, pair: tuple[Enum, Enum]) -> Enum:
+            if self.stop is None:
+                self.stop = Thread(target=fed.executive.hold, kwargs={"held": True})
+                self.stop.start()
+                self.stop.join(0.1)  # it waits for the lock: else its hold would be lost
+            return super().__getitem__(pair)
+
+    fed = Fed()
+    fed.executive.pause()
+    table = SlowTable(tables()["missions.executive.executive.TRANSITIONS"])
+    monkeypatch.setattr(executive, "TRANSITIONS", table)
+    fed.executive.resume()
+    assert table.stop is not None
+    table.stop.join(5)
+    assert fed.executive._mode is RunMode.HELD
 
 
 def test_an_interrupt_is_a_signal_as_from_the_keyboard() -> None:
