@@ -12,7 +12,6 @@ from behaviours.node import lost_reason
 from behaviours.robot import Robot
 from behaviours.run import log
 from behaviours.stopping import AT_REST, HALTING, STARTING, WORKING, Stopping
-from drivers.api.renamed import told_renamed
 from drivers.errors import DriverError, NotConnected, SensorSilent
 
 # What a leaf raised or gave, in words: whatever that is, and whatever it does when it is asked for them.
@@ -99,9 +98,6 @@ class Leaf(Stopping):
     def __init_subclass__(cls) -> None:
         """Collect the arguments that the class declares, after those of its bases."""
         super().__init_subclass__()
-        if misfits := vars(cls).get("misfits"):
-            told_renamed(f"{cls.__name__}.misfits", "joint_violations", stacklevel=4)
-            cls.joint_violations = misfits  # type: ignore[method-assign]
         declared: dict[str, Argument] = {}
         for base in reversed(cls.__mro__):
             declared |= vars(base).get("arguments", {})

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Literal, get_args
 from config.library import DEFAULT_WORLD, find
 from drivers.api.kinds import WIRED
 from drivers.api.quick import dataclass
-from drivers.api.renamed import renamed
 from drivers.api.secrets import without_secrets
 from drivers.camera.source import Kind, kind_of
 from missions.options import ROS2, faults, option, options_of
@@ -208,7 +207,3 @@ def _may_be_camera(source: str) -> bool:
     """Whether there can be a camera: a file that is not there will not be plugged in, as a device may be."""
     kind = kind_of(source) if source.strip() else None
     return kind is not None and (kind not in (Kind.VIDEO, Kind.PICTURE) or Path(source).is_file())
-
-
-if not TYPE_CHECKING:
-    __getattr__ = renamed(__name__, {"Order": "RunRequest"})

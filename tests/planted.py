@@ -55,7 +55,7 @@ FAULTS = (
         "min(max(speed, 0.0), joint.limits.speed)",
         "9.0",
     ),
-    Planted("head's goals not clamped", "drivers/arduino/twin.py", "self.limits.clamp(target)", "target"),
+    Planted("head's goals not clamped", "drivers/head/twin.py", "self.limits.clamp(target)", "target"),
     Planted(
         "joints' goals not clamped",
         "drivers/servos/commanded.py",

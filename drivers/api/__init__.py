@@ -11,8 +11,6 @@ one: each that answers costs two or three exchanges, each that has just fallen s
 22 with an adapter that holds replies back). ``rest`` and ``close`` take what they need.
 """
 
-from typing import TYPE_CHECKING
-
 from drivers.api.base import (
     BASE_RADIUS,
     FALLEN,
@@ -44,7 +42,6 @@ from drivers.api.device import (
 from drivers.api.head import HEAD_ACCELERATION, Head, HeadLimits, HeadPose
 from drivers.api.joints import Coupling, Gesture, Interpolation, JointLimits, Joints, JointState, Keyframe
 from drivers.api.measures import Angle, Angles, Duration, Image, Length, Ranges, Samples
-from drivers.api.renamed import renamed
 from drivers.api.ros2 import GoalState, Progress, Ros2
 from drivers.api.screen import Mood, Screen, Shown
 from drivers.api.sensors import (
@@ -141,8 +138,3 @@ __all__ = [
     "is_guarded",
     "wrapped",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = renamed(
-        __name__, {"Notice": "DeviceStatus", **dict.fromkeys(("unheard", "unreported", "unsteered"), "ignore")}
-    )

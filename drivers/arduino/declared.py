@@ -1,34 +1,13 @@
 """The Rodney head on an Arduino as a driver of heads, and its keys in a robot file."""
 
 from collections.abc import Iterator, Mapping
-from math import pi
 from typing import Literal
 
 from drivers.api.device import Away
 from drivers.api.driver import Driver
 from drivers.api.keys import Mistake, key, keys
-from drivers.api.sections import AxisKeys, HeadKeys, Wired
-
-
-@keys
-class ServoKeys(AxisKeys):
-    """A hobby servo of the head: it turns from 0 to 180 degrees, and 90 is straight ahead."""
-
-    servo: int = key(low=0, high=3, help="The output of the board that it is on.")
-    joint: str = key(default="", help="What the axis is called, as in the Rodney project.")
-    limits: tuple[float, float] = key(
-        "angle", default=(-pi / 2, pi / 2), help="How far the head turns by it: [lowest, highest]."
-    )
-    flip: bool = key(default=False, help="Whether it is mounted the other way round.")
-    start: int | None = key(
-        default=None, low=0, high=180, help="Where the sketch sends it at its start, in degrees as the sketch has them."
-    )
-
-    def mistakes(self) -> Iterator[Mistake]:
-        """Yield what no servo can have."""
-        way = -1 if self.flip else 1
-        least, most = sorted((way * (-pi / 2 - self.trim), way * (pi / 2 - self.trim)))
-        yield from self.beyond((least, most), f"servo {self.servo}")
+from drivers.api.sections import Wired
+from drivers.head.keys import ServoKeys, TwoServoKeys
 
 
 @keys
@@ -45,20 +24,6 @@ class TiltKeys(ServoKeys):
 
     servo: int = key(default=1, low=0, high=3, help="The output of the board that it is on.")
     joint: str = key(default="head_tilt", help="What the axis is called, as in the Rodney project.")
-
-
-@keys
-class TwoServoKeys(HeadKeys):
-    """What is said of any two servos of such a board."""
-
-    pan: ServoKeys = key(help="The servo that turns the head left and right.")
-    tilt: ServoKeys = key(help="The servo that turns the head up and down.")
-
-    def mistakes(self) -> Iterator[Mistake]:
-        """Yield two axes on one servo."""
-        if self.pan.servo == self.tilt.servo:
-            about = (("pan", "servo"), ("tilt", "servo"))
-            yield Mistake(f"'pan' and 'tilt' are both on servo {self.pan.servo}", about=about)
 
 
 @keys
@@ -119,8 +84,8 @@ ARDUINO = Driver(
     "Two hobby servos on an Arduino with the Rodney sketch, or with ours.",
     ArduinoKeys,
     make="drivers.arduino.make:make",
-    twin="drivers.sim.twins.making:head",
-    virtual="drivers.virtual.making:rodney",
+    twin="drivers.arduino.twin:make",
+    virtual="drivers.arduino.virtual:make",
     probe="drivers.arduino.probe:probe",
     usb=("16c0:0483", "1a86:7523", "2341:*", "2a03:*"),
 )
@@ -131,8 +96,8 @@ SECOND = Driver(
     "Two more hobby servos on the board of the head.",
     SecondKeys,
     make="drivers.arduino.make:second",
-    twin="drivers.sim.twins.making:second_head",
-    virtual="drivers.virtual.making:second_on_rodney",
+    twin="drivers.arduino.twin:make_second",
+    virtual="drivers.arduino.virtual:make_second",
     needs=("head",),
     check=servos_of_board,
 )

@@ -3,9 +3,10 @@
 from drivers.api import Head
 from drivers.api.driver import Site
 from drivers.arduino.board import Board
-from drivers.arduino.declared import ArduinoKeys, SecondKeys, ServoKeys, TwoServoKeys
+from drivers.arduino.declared import ArduinoKeys, SecondKeys
 from drivers.arduino.driver import ArduinoHead
-from drivers.head.axis import ServoAxis
+from drivers.head.axis import servo_axis
+from drivers.head.keys import TwoServoKeys
 from drivers.head.memory import Memory
 from drivers.transport.link import Link
 
@@ -22,8 +23,8 @@ def make(keys: ArduinoKeys, site: Site) -> Head:
         return KeeperHead(
             link,
             site.clock,
-            pan=axis(keys.pan),
-            tilt=axis(keys.tilt),
+            pan=servo_axis(keys.pan),
+            tilt=servo_axis(keys.tilt),
             speed=keys.speed,
             acceleration=keys.acceleration,
             away=keys.away,
@@ -53,14 +54,9 @@ def _on(board: Board, keys: TwoServoKeys, site: Site) -> ArduinoHead:
     return ArduinoHead(
         board,
         site.clock,
-        pan=axis(keys.pan),
-        tilt=axis(keys.tilt),
+        pan=servo_axis(keys.pan),
+        tilt=servo_axis(keys.tilt),
         speed=keys.speed,
         acceleration=keys.acceleration,
         name=site.part,
     )
-
-
-def axis(keys: ServoKeys) -> ServoAxis:
-    """Return one servo of the head."""
-    return ServoAxis(keys.servo, keys.lower, keys.upper, flip=keys.flip, trim=keys.trim, start=keys.start)

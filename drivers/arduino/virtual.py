@@ -1,14 +1,20 @@
 """The Arduino of the Rodney head as its wire shows it: the sketch's end of rosserial, and four hobby servos."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from enum import Enum
 from threading import Lock
 from typing import Final
 
+from drivers.api import HeadPose
 from drivers.arduino import wire
+from drivers.arduino.declared import ArduinoKeys, SecondKeys
 from drivers.arduino.wire import HEADER, Frame
-from drivers.head.axis import FIRST_STARTS, STARTS
+from drivers.head.axis import FIRST_STARTS, STARTS, servo_axis
+from drivers.head.keys import TwoServoKeys
 from drivers.sim.servo import SERVO_SPEED, Shaft
+from drivers.sim.stage import Stage
+from drivers.virtual.guardian import VirtualServos, plugged_servos
+from drivers.virtual.plugged import Plugged
 
 # How a board of rosserial reads: byte by byte, with its order of doing things and its limits of time.
 
@@ -253,3 +259,32 @@ class VirtualRodney:
             pulse = min(command.angle, MOST_MICROSECONDS)
             shaft.goal = 180 * (pulse - FEWEST_MICROSECONDS) / (MOST_MICROSECONDS - FEWEST_MICROSECONDS)
         self.widest = max(self.widest, abs(shaft.goal - before))
+
+
+def make(keys: ArduinoKeys, stage: Stage) -> Plugged:  # noqa: ARG001
+    """Return a virtual Rodney head; its state are its four servos in degrees."""
+    pan, tilt = servo_axis(keys.pan), servo_axis(keys.tilt)
+    if keys.protocol == "lines":
+        return plugged_servos(VirtualServos((pan.awake, tilt.awake), baud=keys.baud), pan, tilt, "nano")
+    own = {axis.index: axis.start for axis in (pan, tilt) if axis.start is not None}
+    device = VirtualRodney(baud=keys.baud, logs=True, starts=[own.get(index, at) for index, at in enumerate(FIRST)])
+    return Plugged(
+        device,
+        "nano",
+        looks=_turned(device, keys),
+        state=lambda now: [device.angle(index, now) for index in range(4)],
+    )
+
+
+def make_second(keys: SecondKeys, stage: Stage) -> Plugged:
+    """Return a second pan/tilt on the board of a virtual Rodney head, whose wire it is on."""
+    return Plugged(None, looks=_turned(stage.parts["head"].device, keys))
+
+
+def _turned(device: VirtualRodney, keys: TwoServoKeys) -> Callable[[float], HeadPose]:
+    pan, tilt = servo_axis(keys.pan), servo_axis(keys.tilt)
+
+    def looks(time: float) -> HeadPose:
+        return HeadPose(pan.to_radians(device.angle(pan.index, time)), tilt.to_radians(device.angle(tilt.index, time)))
+
+    return looks

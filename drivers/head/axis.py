@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Self
 
 from drivers.api.quick import dataclass
+from drivers.head.keys import ServoKeys
 from drivers.head.pantilt import LARGEST_TRIM, PanTilt, Step
 
 MIDDLE = 90
@@ -143,3 +144,8 @@ def next_degrees(
                 for keeps, step, old in zip(kept, steps, sent, strict=True)
             )
     return pan, tilt
+
+
+def servo_axis(keys: ServoKeys) -> ServoAxis:
+    """Return the axis that the keys of a servo describe."""
+    return ServoAxis(keys.servo, keys.lower, keys.upper, flip=keys.flip, trim=keys.trim, start=keys.start)

@@ -189,8 +189,8 @@ LEGS = Driver(
     "Two legs that walk: joints of the robot's arm section.",
     LegsKeys,
     make="drivers.legs.make:make",
-    twin="drivers.sim.twins.making:legs",
-    virtual="drivers.virtual.making:legs",
+    twin="drivers.legs.twin:make",
+    virtual="drivers.legs.virtual:make",
     needs=("arm", "imu"),
     check=on_its_joints,
 )

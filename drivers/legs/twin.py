@@ -3,7 +3,11 @@
 from math import cos, sin
 
 from drivers.api import Pose2D, Velocity
+from drivers.base.arbitrated import settings_of
+from drivers.legs.declared import LegsKeys
 from drivers.legs.driver import LegsBase
+from drivers.legs.make import compensation, engine, feeling, torques
+from drivers.sim.stage import Stage
 
 
 class LegsTwin(LegsBase):
@@ -24,3 +28,22 @@ class LegsTwin(LegsBase):
         """How fast it really goes."""
         ahead, _, turn = self._engine.pose[1]
         return Velocity(ahead, turn)
+
+
+def make(keys: LegsKeys, stage: Stage) -> LegsTwin:
+    """Return the twin of a base that walks on the arm's twin."""
+    joints, walks = stage.parts["arm"], engine(keys)
+    twin = LegsTwin(
+        joints,
+        stage.clock,
+        walks,
+        felt=feeling(stage.parts.get("imu")),
+        compensation=None if stage.scene is None else compensation(walks, joints),
+        torques=torques(walks, joints),
+        at_fall=keys.at_fall,
+        tucked=keys.body.tucked,
+        **settings_of(keys, stage),
+    )
+    if stage.world is not None:
+        twin.start = stage.world.start
+    return twin

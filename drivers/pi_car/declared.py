@@ -7,7 +7,7 @@ from drivers.api.device import Away
 from drivers.api.driver import Driver
 from drivers.api.keys import Mistake, key, keys
 from drivers.api.sections import BaseKeys
-from drivers.arduino.declared import ServoKeys, TwoServoKeys
+from drivers.head.keys import ServoKeys, TwoServoKeys
 
 PINS, CHANNELS = 28, 16
 """GPIO numbers of a Raspberry Pi, and channels of a PCA9685."""
@@ -121,8 +121,8 @@ PI_HEAD = Driver(
     "Two hobby servos on a PCA9685 of a Raspberry Pi.",
     PiHeadKeys,
     make="drivers.pi_car.make:head",
-    twin="drivers.sim.twins.making:head",
-    virtual="drivers.virtual.making:pi_head",
+    twin="drivers.pi_car.head_twin:make",
+    virtual="drivers.pi_car.head_virtual:make",
     check=apart,
     extra="pi",
 )

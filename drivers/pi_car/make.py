@@ -10,10 +10,10 @@ from contextlib import suppress
 from typing import Any
 
 from drivers.api.driver import Site
-from drivers.arduino.make import axis
 from drivers.base.arbitrated import settings_of
 from drivers.errors import NotConnected
 from drivers.extras import extra_hint
+from drivers.head.axis import servo_axis
 from drivers.head.guardian_head import KeeperHead
 from drivers.pi_car.declared import MotorKeys, PiCarKeys, PiHeadKeys
 from drivers.pi_car.driver import KeeperBase
@@ -145,8 +145,8 @@ def head(keys: PiHeadKeys, site: Site) -> KeeperHead:
     return KeeperHead(
         _link(dials, site),
         site.clock,
-        pan=axis(keys.pan),
-        tilt=axis(keys.tilt),
+        pan=servo_axis(keys.pan),
+        tilt=servo_axis(keys.tilt),
         speed=keys.speed,
         acceleration=keys.acceleration,
         away=keys.away,

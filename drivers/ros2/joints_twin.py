@@ -8,8 +8,7 @@ from drivers.ros2.declared import Ros2ArmKeys, Ros2HeadKeys
 from drivers.ros2.make import axis, joints_of_arm, joints_of_head
 from drivers.ros2.ways import LIMP, RUNAWAY, RUNAWAY_HINT, STIFF, TopicJoint
 from drivers.servos.joint import JointSpec
-from drivers.servos.neck_twin import NeckTwin
-from drivers.servos.twin import JointsTwin
+from drivers.servos.twin import JointsTwin, NeckTwin
 from drivers.sim.stage import Stage
 
 MOTOR = "XL330-M077"

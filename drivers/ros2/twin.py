@@ -9,6 +9,7 @@ from typing import Any
 from drivers.api import GoalState, Health, Pose2D, Progress, Quality, Reading, Report, ignore
 from drivers.api.ros2 import START, Place
 from drivers.api.sections import Ros2Keys
+from drivers.base.range_twin import RangerTwin
 from drivers.base.reckoning import TwoWheels
 from drivers.base.twin import BaseTwin
 from drivers.clock import Clock
@@ -16,7 +17,6 @@ from drivers.errors import BadRequest, DriverError, NotConnected
 from drivers.ros2.actions import reason
 from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
 from drivers.ros2.requests import ENDED
-from drivers.rplidar.twin import RangerTwin
 from drivers.sim.ground import BackupLimit
 from drivers.sim.navigator import NO_PROGRESS, Navigator
 from drivers.sim.plug import Plug

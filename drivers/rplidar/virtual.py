@@ -6,14 +6,18 @@ from struct import error
 import numpy as np
 import numpy.typing as npt
 
+from drivers.base.range_twin import NOISE
 from drivers.rplidar import capsules, wire
+from drivers.rplidar.declared import RPLidarKeys
 from drivers.rplidar.models import MODELS, PWM, SAMPLES
 from drivers.rplidar.modes import RATES, Mode, setting
 from drivers.rplidar.nodes import TURN, Nodes, Words
 from drivers.rplidar.session import EXPRESS_SINCE
-from drivers.rplidar.twin import NOISE
 from drivers.rplidar.wire import BAUD, Command, RequestFinder, Status
-from drivers.sim.scanner import Look
+from drivers.sim.scanner import Look, looking
+from drivers.sim.stage import Stage
+from drivers.sim.world import World
+from drivers.virtual.plugged import Plugged
 
 QUALITY = 15
 """What it says of every measurement that came back."""
@@ -201,3 +205,10 @@ class VirtualLidar:
             self._random.random(len(far)) < self._dropouts
         )
         return angle.astype(np.uint16), np.where(lost, 0, far * 4000).astype(np.uint16)
+
+
+def make(keys: RPLidarKeys, stage: Stage) -> Plugged:
+    """Return a virtual RPLIDAR, which sees the world from where the base truly is."""
+    world = World() if stage.world is None else stage.world
+    look = looking(world, keys.place, stage.pose, height=keys.position[2])
+    return Plugged(VirtualLidar(look, model=keys.model, yaw=keys.yaw, seed=stage.seed), "rplidar")

@@ -278,8 +278,8 @@ ARM = Driver(
     "Dynamixel servos on one bus.",
     DynamixelKeys,
     make="drivers.servos.make:arm",
-    twin="drivers.sim.twins.making:arm",
-    virtual="drivers.virtual.making:servos",
+    twin="drivers.servos.twin:make",
+    virtual="drivers.servos.virtual.chain:make",
     probe="drivers.servos.probe:probe",
     checkup="drivers.servos.checkup:checkup",
     usb=(
@@ -301,8 +301,8 @@ NECK = Driver(
     "Two Dynamixel servos that are joints of the arm.",
     NeckKeys,
     make="drivers.servos.make:neck",
-    twin="drivers.sim.twins.making:neck",
-    virtual="drivers.virtual.making:neck",
+    twin="drivers.servos.twin:make_neck",
+    virtual="drivers.servos.virtual.chain:make_neck",
     needs=("arm",),
     check=joints_of_arm,
 )

@@ -5,18 +5,23 @@ from dataclasses import replace
 from math import inf
 from typing import ClassVar, Literal
 
-from drivers.api import Away, Coupling, Health, JointState, Quality, Reading, Report, ignore
+from drivers.api import Away, Coupling, HeadPose, Health, JointState, Quality, Reading, Report, ignore
 from drivers.api.joints import Following
 from drivers.clock import Clock
+from drivers.head.joints_head import JointsHead
 from drivers.joints.refusals import check_couplings, check_move, check_names
 from drivers.servos.commanded import CommandedJoints
+from drivers.servos.declared import DynamixelKeys, NeckKeys
 from drivers.servos.driver import FRESH
 from drivers.servos.joint import Joint, JointSpec, check
 from drivers.servos.legs import paced
+from drivers.servos.make import axis as neck_axis
+from drivers.servos.make import joints
 from drivers.servos.servo_twin import ServoTwin
 from drivers.servos.telling import REMEDY
 from drivers.servos.wire import Fault
 from drivers.sim.plug import Plug
+from drivers.sim.stage import Stage
 
 
 class JointsTwin(CommandedJoints):
@@ -308,3 +313,52 @@ class JointsTwin(CommandedJoints):
                 servo.joint.unsettled = True
                 unheard_by.append(servo.joint)
         return unheard_by
+
+
+# The twin of a head of Dynamixel servos: the real driver's steps, over the twins of the servos.
+
+
+class NeckTwin(JointsHead[JointsTwin]):
+    """A ``JointsHead`` over an arm's twin, with which it shares the plug. ``step`` is to be called every ``PERIOD``."""
+
+    @property
+    def plug(self) -> Plug:
+        """The cable of the bus."""
+        return self._joints.plug
+
+    def fail(self, fault: str = "") -> None:
+        """Give both joints a fault of ``drivers.servos.servo_twin.FAULTS``, or none."""
+        for axis in self._built:
+            self._joints.fail(axis.joint, fault)
+
+    def true_pose(self, now: float) -> HeadPose:
+        """Where the joints really are at time ``now``; what it is trimmed to later turns it in truth."""
+        pan, tilt = (self._joints.true_angle(axis.joint, now) - axis.trim for axis in self._built)
+        return HeadPose(pan, tilt)
+
+
+def make(keys: DynamixelKeys, stage: Stage) -> JointsTwin:
+    """Return the twin of an arm, whose servos carry the robot's body where there are physics."""
+    if stage.scene is not None and stage.part == "arm":  # of which the body is made
+        from drivers.servos.rigid_twin import RigidJoints  # noqa: PLC0415 - it extends ``JointsTwin``, and is rare
+
+        return RigidJoints(
+            joints(keys), stage.clock, stage.scene, at_rest=keys.at_end, away=keys.away, report=stage.report
+        )
+    return JointsTwin(
+        joints(keys), stage.clock, at_rest=keys.at_end, away=keys.away, report=stage.report, name=stage.part
+    )
+
+
+def make_neck(keys: NeckKeys, stage: Stage) -> NeckTwin:
+    """Return the twin of a head that is two joints of the arm's twin."""
+    return NeckTwin(
+        stage.parts["arm"],
+        stage.clock,
+        pan=neck_axis(keys.pan),
+        tilt=neck_axis(keys.tilt),
+        speed=keys.speed,
+        acceleration=keys.acceleration,
+        report=stage.report,
+        name=stage.part,
+    )

@@ -4,12 +4,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from threading import RLock
 
-from drivers.api import Pose2D
+from drivers.api import HeadPose, Pose2D
 from drivers.base.reckoning import TwoWheels
+from drivers.head.axis import ServoAxis
 from drivers.sim.body import Body
 from drivers.sim.servo import SERVO_SPEED, Shaft
 from drivers.transport import guardian_wire
 from drivers.transport.guardian import Keeper, Servos, Wheels
+from drivers.virtual.plugged import Plugged
 
 
 class VirtualKeeper(ABC):
@@ -120,3 +122,12 @@ class VirtualServos(VirtualKeeper):
         shaft = self._shafts[number]
         self.widest = max(self.widest, abs(degree - shaft.goal))
         shaft.goal = float(degree)
+
+
+def plugged_servos(device: VirtualServos, pan: ServoAxis, tilt: ServoAxis, wire: str) -> Plugged:
+    """Return two servos that a guardian holds; the state is their degrees."""
+
+    def looks(time: float) -> HeadPose:
+        return HeadPose(pan.to_radians(device.angle(0, time)), tilt.to_radians(device.angle(1, time)))
+
+    return Plugged(device, wire, looks=looks, state=lambda now: [device.angle(index, now) for index in range(2)])

@@ -8,10 +8,10 @@ from drivers.api import Pose2D
 from drivers.errors import BadRequest
 from drivers.legs.body import body_of
 from drivers.legs.declared import LegsKeys
+from drivers.legs.figure import figure_of
 from drivers.servos.declared import DynamixelKeys
 from drivers.servos.models import motor_of
 from drivers.sim.rigid.links import Floor, Push, mjcf
-from drivers.sim.rigid.robot import figure_of
 from drivers.sim.rigid.scene import Scene
 
 

@@ -12,8 +12,8 @@ from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot
 from behaviours.scan import Scan, towards
 from drivers.api import HeadPose
-from drivers.arduino.twin import HeadTwin
 from drivers.head.axis import ServoAxis
+from drivers.head.twin import HeadTwin
 from drivers.sim.timeline import Timeline
 from missions.plugins.testing.recorders import GONE, STOP, Bench, good, none
 

@@ -8,14 +8,14 @@ from typing import Any, Self
 
 import numpy as np
 
-import drivers.voice
+import drivers.sound
 from drivers.clock import SystemClock
 from drivers.microphone.wav import resampled
 from drivers.sound.protocol import request, speech
 from drivers.transport.pipe import Worker
 from tests.benchmarks.spoken import Samples
 
-PROGRAM = Path(drivers.voice.__file__).with_name("espeak_worker.py")
+PROGRAM = Path(drivers.sound.__file__).with_name("espeak_worker.py")
 SPEECH_TIMEOUT = 60.0
 """Seconds that the synthesiser may take for a text: machines are shared."""
 

@@ -11,13 +11,13 @@ import pytest
 from drivers.api import HEAD_ACCELERATION, Head, HeadPose, JointLimits, Quality
 from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
-from drivers.arduino.twin import HeadTwin
 from drivers.arduino.virtual import VirtualRodney
 from drivers.errors import BadRequest, NotConnected
 from drivers.head.axis import ServoAxis
 from drivers.head.guardian_head import KeeperHead
 from drivers.head.joints_head import JointAxis, NeckDriver
 from drivers.head.pantilt import Trimmable
+from drivers.head.twin import HeadTwin
 from drivers.ros2.joints import TopicJoints
 from drivers.ros2.joints_twin import HeadTwin as TopicHeadTwin
 from drivers.ros2.joints_twin import StiffJoints
@@ -27,8 +27,7 @@ from drivers.ros2.ways import ARRAY, TRAJECTORY, TopicJoint
 from drivers.servos.bus import Bus
 from drivers.servos.driver import DynamixelJoints
 from drivers.servos.joint import JointSpec
-from drivers.servos.neck_twin import NeckTwin
-from drivers.servos.twin import JointsTwin
+from drivers.servos.twin import JointsTwin, NeckTwin
 from drivers.virtual.guardian import VirtualServos
 from tests.contract.rigs import InSimulatedTime, Rig, simulated
 from tests.drivers.chains import chain

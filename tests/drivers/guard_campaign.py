@@ -22,8 +22,8 @@ from config.world import RoomConfig, StartConfig, WorldConfig
 from drivers.api import BASE_RADIUS, Pose2D, is_guarded
 from drivers.api.sections import BaseKeys
 from drivers.base.arbitrated import settings_of
+from drivers.base.range_twin import RangerTwin
 from drivers.base.twin import BaseTwin
-from drivers.rplidar.twin import RangerTwin
 from drivers.sim.body import Body
 from drivers.sim.scanner import looking
 from drivers.sim.stage import Stage

@@ -10,8 +10,8 @@ from drivers.api import DeviceStatus, Pose2D, Quality, RangeScan, Reading, Sourc
 from drivers.api.sections import BaseKeys
 from drivers.api.steering import RangeGuardKeys
 from drivers.base.arbitrated import settings_of
+from drivers.base.range_twin import RangerTwin
 from drivers.base.twin import BaseTwin
-from drivers.rplidar.twin import RangerTwin
 from drivers.sim.body import Body
 from drivers.sim.room import Room
 from drivers.sim.scanner import looking

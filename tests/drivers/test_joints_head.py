@@ -8,8 +8,7 @@ from drivers.api import DeviceStatus, HeadPose, Quality
 from drivers.errors import BadRequest, NotConnected
 from drivers.head.joints_head import JointAxis
 from drivers.servos.joint import JointSpec
-from drivers.servos.neck_twin import NeckTwin
-from drivers.servos.twin import JointsTwin
+from drivers.servos.twin import JointsTwin, NeckTwin
 from drivers.sim.timeline import Timeline
 
 SPECS = {

@@ -15,12 +15,13 @@ from drivers.legs.engine import PERIOD, Engine, Felt, Plan, Posture, manner_of, 
 from drivers.legs.kinematics import FootOdometry, centre_of_mass, centre_over_legs, centres, forward, turning
 from drivers.legs.pendulum import GRAVITY, edges, margin, rate, swayed, swaying
 from drivers.legs.twin import LegsTwin
+from drivers.legs.twin import make as make_legs
 from drivers.legs.walker import Spot, Walker
 from drivers.servos.declared import DynamixelKeys
 from drivers.servos.twin import JointsTwin
+from drivers.servos.twin import make as make_arm
 from drivers.sim.stage import Stage
 from drivers.sim.timeline import Timeline
-from drivers.sim.twins import making
 from drivers.sim.world import ORIGIN
 from missions.library.drivers import load_robot
 
@@ -195,8 +196,8 @@ class Legs:
         self.told: list[DeviceStatus] = []
         self.line = Timeline()
         stage = Stage(self.line.clock, None, lambda _: ORIGIN, report=self.told.append)
-        self.arm: JointsTwin = making.arm(arm, stage)
-        self.base: LegsTwin = making.legs(keys, replace(stage, parts={"arm": self.arm}))
+        self.arm: JointsTwin = make_arm(arm, stage)
+        self.base: LegsTwin = make_legs(keys, replace(stage, parts={"arm": self.arm}))
         self.legs = self.base._engine.body.walking
         self.jumps = 0.0
         for each in (self.arm, self.base):

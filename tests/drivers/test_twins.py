@@ -12,13 +12,13 @@ import pytest
 from drivers.api import COMMAND_LIFE, STILL, DeviceStatus, HeadPose, Health, Image, Pose2D, Quality, Sides, Velocity
 from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
-from drivers.arduino.twin import HeadTwin
 from drivers.arduino.virtual import VirtualRodney
 from drivers.base.twin import BaseTwin
 from drivers.camera.twin import CameraTwin
 from drivers.clock import ManualClock
 from drivers.errors import BadRequest, NotConnected
 from drivers.head.axis import ServoAxis
+from drivers.head.twin import HeadTwin
 from drivers.kobuki.driver import KobukiBase
 from drivers.kobuki.odometry import battery_percent
 from drivers.kobuki.virtual import VirtualKobuki

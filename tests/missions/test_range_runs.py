@@ -13,9 +13,9 @@ from config.robot import RobotConfig
 from config.world import load_world
 from drivers.api import Angles, wrapped
 from drivers.api.kinds import WIRED
+from drivers.base.range_twin import RangerTwin
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import BadRequest, NotConnected
-from drivers.rplidar.twin import RangerTwin
 from missions.assembly.simulation import Simulation
 from missions.executive.events import Event, Logged
 from missions.executive.state import state_of

@@ -11,12 +11,16 @@ from heapq import heappop, heappush
 from itertools import count
 from typing import Protocol
 
+from drivers.api import HeadPose
 from drivers.servos import wire, wire2
+from drivers.servos.declared import DynamixelKeys, NeckJointKeys, NeckKeys
 from drivers.servos.units import RETURN_DELAY_STEP, baud_code
 from drivers.servos.virtual import obey1, obey2, obey_sts
 from drivers.servos.virtual.servo import VirtualServo
 from drivers.servos.virtual.slots import Slot, collided
 from drivers.servos.wire import GAP, Packet
+from drivers.sim.stage import Stage
+from drivers.virtual.plugged import Plugged
 from drivers.virtual.terminal import agree
 
 Obey = Callable[[Packet, Sequence[VirtualServo], float], list[Slot]]
@@ -184,3 +188,39 @@ class VirtualServoBus:
         while self._under_way and self._under_way[0][0] <= now:
             said += heappop(self._under_way)[2]
         return said
+
+
+def make(keys: DynamixelKeys, stage: Stage) -> Plugged:  # noqa: ARG001
+    """Return a virtual bus of servos, each as its calibration says; its state are their angles in radians, by joint."""
+    offsets = keys.offsets
+    chain = []
+    for name, joint in keys.servos.items():
+        servo = VirtualServo(joint.id, model=joint.model, angle=joint.zero + offsets.get(name, 0) * joint.kind.tick)
+        if name in offsets:
+            servo.set("position_offset", offsets[name])
+        chain.append(servo)
+    bus = VirtualServoBus(chain, keys.baud)
+
+    def state(_: float) -> object:
+        # One servo a joint, whatever ID somebody has given it by now.
+        return {name: servo.angle for name, servo in zip(keys.joints, bus.servos, strict=True)}
+
+    return Plugged(bus, "servos", state=state)
+
+
+def make_neck(keys: NeckKeys, stage: Stage) -> Plugged:
+    """Return a head that is two joints of the arm, and sits on its wire."""
+    arm: DynamixelKeys = stage.keys["arm"]
+    bus: VirtualServoBus = stage.parts["arm"].device
+
+    def angle(axis: NeckJointKeys) -> float:
+        return true_angle(bus, arm, axis.joint) - axis.trim
+
+    return Plugged(None, looks=lambda _: HeadPose(angle(keys.pan), angle(keys.tilt)))
+
+
+def true_angle(bus: VirtualServoBus, arm: DynamixelKeys, name: str) -> float:
+    """Return where a joint truly is, in its own angle."""
+    joint = arm.servos[name]
+    turned = bus.servo(joint.id).angle - joint.zero - arm.offsets.get(name, 0) * joint.kind.tick
+    return -turned if joint.reverse else turned

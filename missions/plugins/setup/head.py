@@ -10,10 +10,10 @@ import click
 
 from config.editing import NotEditableError
 from drivers.api import HeadPose
-from drivers.arduino.declared import ServoKeys
 from drivers.arduino.driver import ArduinoHead
 from drivers.arduino.reset_detector import BootState
 from drivers.errors import BadRequest
+from drivers.head.keys import ServoKeys
 from drivers.head.pantilt import AHEAD, Trimmable
 from drivers.servos.declared import NeckJointKeys
 from missions.assembly.lags import ENOUGH

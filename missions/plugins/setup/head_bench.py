@@ -16,9 +16,9 @@ from config.robot import RobotConfig
 from config.world import load_world
 from drivers.api import DeviceStatus, Head, HeadPose, ignore
 from drivers.api.sections import HeadKeys, Wired
-from drivers.arduino.declared import TwoServoKeys
 from drivers.clock import Clock
 from drivers.errors import NotConnected
+from drivers.head.keys import TwoServoKeys
 from drivers.head.pantilt import Trimmable
 from drivers.servos.declared import NeckKeys
 from missions.assembly.assemble import assemble

@@ -7,11 +7,10 @@ from dataclasses import replace
 from functools import partial
 
 from drivers.api import Sides, Source, Velocity
-from drivers.arduino.twin import HeadTwin
 from drivers.base.twin import BaseTwin
 from drivers.errors import DriverError
-from drivers.servos.neck_twin import NeckTwin
-from drivers.servos.twin import JointsTwin
+from drivers.head.twin import HeadTwin
+from drivers.servos.twin import JointsTwin, NeckTwin
 from drivers.sim.ground import BackupLimit
 from drivers.sim.plug import Plug
 from missions.plugins.testing.history import History

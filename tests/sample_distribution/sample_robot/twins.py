@@ -1,7 +1,7 @@
 """Twins for simulated time."""
 
 from drivers.base.twin import BaseTwin
-from drivers.servos.neck_twin import NeckTwin
+from drivers.servos.twin import NeckTwin
 from drivers.sim.stage import Stage
 from drivers.sim.twins import making
 from sample_robot.declared import PeriscopeKeys, RoverKeys

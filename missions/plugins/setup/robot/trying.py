@@ -9,9 +9,9 @@ from config.units import in_dimension
 from drivers.api import HeadPose
 from drivers.api.driver import Site, resolved
 from drivers.api.secrets import without_secrets
-from drivers.arduino.declared import TwoServoKeys
 from drivers.clock import SystemClock
 from drivers.errors import DriverError
+from drivers.head.keys import TwoServoKeys
 from drivers.servos.declared import NeckKeys
 from missions.plugins.setup.head_bench import HEAD, opened_head
 from missions.plugins.setup.robot.dialogue import Dialogue

@@ -15,10 +15,10 @@ from behaviours.run import Run
 from behaviours.tracking.rules import RuleBases
 from behaviours.tracking.track_face import TrackFace
 from drivers.api import HeadLimits, HeadPose
-from drivers.arduino.twin import HeadTwin
 from drivers.base.limits import Limits
 from drivers.base.twin import BaseTwin
 from drivers.head.axis import ServoAxis
+from drivers.head.twin import HeadTwin
 from drivers.sim.body import Body as KobukiBody
 from drivers.sim.timeline import Timeline
 from drivers.sim.wheels import Wheels

@@ -4,9 +4,6 @@
 when each was given.
 """
 
-from typing import TYPE_CHECKING
-
-from drivers.api.renamed import renamed
 from missions.plugins.testing.recorders.bench import (
     Bench,
     RecordedBase,
@@ -57,6 +54,3 @@ __all__ = [
     "none",
     "stale",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = renamed(__name__, {"Recorder": "Spy"})

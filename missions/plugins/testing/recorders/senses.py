@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drivers.api import AS_USUAL, Manner, MouthShape, Priority, Voice
-from drivers.api.renamed import told_renamed
 from drivers.clock import ManualClock
 from missions.plugins.testing.recorders.spy import CANCEL, Spy
 from perception.api import Box, Face, Marker, Scene, Thing, Words
@@ -140,12 +139,8 @@ def face(
     elevation: float = 0.0,
     yaw: float = 0.0,
     pitch: float = 0.0,
-    drop: float | None = None,
 ) -> Face:
-    """Return a face that stands still, seen at ``stamp``; angles in radians. ``drop`` is deprecated."""
-    if drop is not None:
-        told_renamed("drop", "elevation", stacklevel=3)
-        elevation = drop
+    """Return a face that stands still, seen at ``stamp``; angles in radians."""
     return Face(
         number,
         stamp,

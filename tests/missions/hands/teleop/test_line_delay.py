@@ -13,9 +13,9 @@ from random import Random
 
 import pytest
 
-from drivers.arduino.twin import HeadTwin
 from drivers.base.twin import BaseTwin
 from drivers.clock import ManualClock
+from drivers.head.twin import HeadTwin
 from drivers.sim.timeline import Timeline
 from missions.cli.keys import Keys
 from missions.control.pilot import MAX_STATE_AGE, Pilot

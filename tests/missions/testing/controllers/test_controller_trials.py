@@ -15,7 +15,7 @@ from behaviours.tracking.lag import Lag, ramped
 from behaviours.tracking.rules import RuleBases
 from behaviours.tracking.track_face import TrackFace
 from drivers.api import HeadPose
-from drivers.arduino.twin import HeadTwin
+from drivers.head.twin import HeadTwin
 from missions.library.things import controller
 from missions.plugins.testing.controllers import trial
 from missions.plugins.testing.controllers.bench import CONTROLLERS, NEAR, bench, stamp_summary, table
@@ -225,7 +225,7 @@ def test_nothing_swings_where_a_robot_is_not_what_its_file_says(
     rules: dict[str, RuleBases], wrong: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if wrong == "servos":  # slower by 30 %
-        monkeypatch.setattr("drivers.arduino.twin.SERVO_SPEED", 0.7 * degrees(HEAD.speed))
+        monkeypatch.setattr("drivers.head.twin.SERVO_SPEED", 0.7 * degrees(HEAD.speed))
     elif wrong == "head":  # 50 ms later
         monkeypatch.setattr(HeadTwin, "true_pose", lambda head, now: head.pose_at(now - 0.05) or HeadPose(0.0, 0.0))
     else:  # half as quick as is believed

@@ -1,0 +1,124 @@
+"""The twin of a range finder: whole turns of the simulated world, with the noise of a real one."""
+
+from collections.abc import Callable, Sequence
+from math import inf
+
+import numpy as np
+
+from drivers.api import Health, Quality, Ranges, RangeScan, Reading, Report, ignore
+from drivers.base.scan_mounting import START, STEP, Mounting, Place, Sector, bearings
+from drivers.clock import Clock
+from drivers.sim.plug import Plug
+from drivers.sim.scanner import Look
+from drivers.transport.guard import guarded
+
+STALE_AFTER = 0.5
+"""Seconds after which a scan without a successor is stale."""
+
+NOISE = 0.01
+"""Standard deviation of a distance as a share of it; what the maker of the A1 gives as its accuracy."""
+
+
+class RangerTwin:
+    """A ``drivers.api.Ranger`` made of arithmetic. ``step`` is to be called every ``period``; for one thread.
+
+    It measures what ``look`` sees, all beams of a turn in its middle. Each errs by ``noise``, a share of the distance
+    (standard deviation), and comes back with nothing for the share ``dropouts`` (0..1) of them, drawn from ``seed``.
+    It sees from ``least`` to ``most`` metres and turns ``rate`` times a second; by default as an RPLIDAR A1.
+    Raises ValueError for values that make no sense.
+    """
+
+    name = "range"
+
+    def __init__(
+        self,
+        look: Look,
+        clock: Clock,
+        *,
+        least: float = 0.15,
+        most: float = 12.0,
+        rate: float = 5.5,
+        place: Place = (0.0, 0.0, 0.0),
+        blind: Sequence[Sector] = (),
+        report: Report = ignore,
+        changed: Callable[[], None] = ignore,
+        noise: float = NOISE,
+        dropouts: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        if not (0 <= least < most and rate > 0 and 0 <= dropouts <= 1 and 0 <= noise < inf):
+            raise ValueError(f"{self.name}: {least=}, {most=}, {rate=}, {dropouts=}, {noise=}: out of range")
+        self.plug = Plug(self.name, report, back=self._begin)
+        self._least, self._most = least, most
+        self.PERIOD = 0.5 / rate
+        """Seconds between two steps: half a turn."""
+        self._mounting = Mounting(place, tuple(blind))
+        self._bearings = bearings()
+        self._look = look
+        self._clock = clock
+        self._changed = guarded(changed)
+        self._noise = noise
+        self._dropouts = dropouts
+        self._random = np.random.default_rng([seed, *self.name.encode()])
+        self._measured: RangeScan | None = None  # in the middle of the turn that goes on
+        self._latest: RangeScan | None = None
+        self._turned_at = -inf
+        self._number = 0
+
+    @property
+    def place(self) -> Place:
+        """Where it sits on the base: x forward and y left in metres, and its yaw in radians."""
+        return self._mounting.place
+
+    def scan(self) -> Reading[RangeScan]:
+        """The newest whole turn; stale when the last came longer ago than the real driver's limit."""
+        now = self._clock.now()
+        if self._latest is None:
+            return Reading(None, now, Quality.NONE)
+        fresh = now - self._turned_at <= STALE_AFTER
+        return Reading(self._latest, self._latest.stamp, Quality.GOOD if fresh else Quality.STALE)
+
+    def open(self) -> None:
+        """Be there at once, unless it is unplugged; the first turn is whole after a turn's time."""
+        self.plug.open()
+
+    def rest(self) -> None:
+        """Do nothing: it moves nothing of the robot."""
+
+    def close(self) -> None:
+        """Measure no more. Safe from any state, more than once."""
+        self.plug.close()
+
+    def health(self) -> Health:
+        """Say whether whole turns come, as the real one does."""
+        health = self.plug.health({"turns": self._number})
+        if health.online and self._turned_at == -inf:
+            return Health(False, f"{self.name}: waiting for its first turn", "", health.counters)
+        return health
+
+    def step(self) -> None:
+        """Go on by half a turn: measure in the middle of one, give it out at its end."""
+        if not self.plug.online:
+            return
+        now = self._clock.now()
+        if self._measured is None:
+            self._measured = RangeScan(self._ranges(now), START, STEP, now, self._number, self._least, self._most)
+            return
+        self._latest, self._measured = self._measured, None
+        self._number += 1
+        self._turned_at = now
+        self._changed()
+
+    def _begin(self) -> None:
+        """Begin a turn anew."""
+        self._measured, self._turned_at = None, -inf
+
+    def _ranges(self, now: float) -> Ranges:
+        """Return what the beams measure at time ``now``."""
+        far = self._look(self._bearings, now)
+        if self._noise:
+            far = far * (1 + self._noise * self._random.standard_normal(len(far)))
+        lost = self._mounting.hidden | ~((far >= self._least) & (far <= self._most))
+        if self._dropouts:
+            lost = lost | (self._random.random(len(far)) < self._dropouts)
+        return np.where(lost, np.nan, far).astype(np.float32)

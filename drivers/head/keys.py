@@ -1,0 +1,42 @@
+"""Keys of a robot file for two hobby servos that turn a head, whatever board they are on."""
+
+from collections.abc import Iterator
+from math import pi
+
+from drivers.api.keys import Mistake, key, keys
+from drivers.api.sections import AxisKeys, HeadKeys
+
+
+@keys
+class ServoKeys(AxisKeys):
+    """A hobby servo of the head: it turns from 0 to 180 degrees, and 90 is straight ahead."""
+
+    servo: int = key(low=0, high=3, help="The output of the board that it is on.")
+    joint: str = key(default="", help="What the axis is called, as in the Rodney project.")
+    limits: tuple[float, float] = key(
+        "angle", default=(-pi / 2, pi / 2), help="How far the head turns by it: [lowest, highest]."
+    )
+    flip: bool = key(default=False, help="Whether it is mounted the other way round.")
+    start: int | None = key(
+        default=None, low=0, high=180, help="Where the sketch sends it at its start, in degrees as the sketch has them."
+    )
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield what no servo can have."""
+        way = -1 if self.flip else 1
+        least, most = sorted((way * (-pi / 2 - self.trim), way * (pi / 2 - self.trim)))
+        yield from self.beyond((least, most), f"servo {self.servo}")
+
+
+@keys
+class TwoServoKeys(HeadKeys):
+    """Keys of any two servos of such a board."""
+
+    pan: ServoKeys = key(help="The servo that turns the head left and right.")
+    tilt: ServoKeys = key(help="The servo that turns the head up and down.")
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Yield two axes on one servo."""
+        if self.pan.servo == self.tilt.servo:
+            about = (("pan", "servo"), ("tilt", "servo"))
+            yield Mistake(f"'pan' and 'tilt' are both on servo {self.pan.servo}", about=about)

@@ -1,0 +1,25 @@
+"""Virtual legs: where the virtual servos truly are leads the base."""
+
+from dataclasses import asdict
+
+from drivers.api import Pose2D
+from drivers.legs.body import body_of
+from drivers.legs.declared import LegsKeys
+from drivers.legs.kinematics import FootOdometry
+from drivers.servos.declared import DynamixelKeys
+from drivers.servos.virtual.chain import VirtualServoBus, true_angle
+from drivers.sim.stage import Stage
+from drivers.virtual.plugged import Plugged
+
+
+def make(keys: LegsKeys, stage: Stage) -> Plugged:
+    """Return a base that walks on joints of the arm, and sits on its wire: where they truly are leads it."""
+    arm: DynamixelKeys = stage.keys["arm"]
+    bus: VirtualServoBus = stage.parts["arm"].device
+    body = body_of(keys.body)
+    led = FootOdometry(body, Pose2D(0.0, 0.0, 0.0) if stage.world is None else stage.world.start)
+
+    def pose(_: float) -> Pose2D:
+        return led.update(body.pose({name: true_angle(bus, arm, name) for name in body.joints}))
+
+    return Plugged(None, pose=pose, state=lambda now: asdict(pose(now)))
