@@ -28,7 +28,7 @@ from typing import IO, Any, NoReturn, Self
 IMPORTED = (
     "behaviours.driving.motion",
     "drivers.arduino.make",
-    "drivers.kobuki.make",
+    "drivers.kobuki.driver",
     "drivers.kobuki.virtual",
     "drivers.arduino.virtual",
     "drivers.servos.virtual.servo",

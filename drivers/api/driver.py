@@ -1,7 +1,7 @@
 """What a driver declares of itself: its keys in the robot file, and where the code is that makes it.
 
 A declaration imports no driver. What makes the device, its twin and its virtual device are dotted names such as
-``drivers.kobuki.make:make``, resolved when they are used: so a robot on the metal loads nothing that it does not use.
+``drivers.kobuki.driver:make``, resolved when they are used: so a robot on the metal loads nothing that it does not use.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

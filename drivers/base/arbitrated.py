@@ -1,4 +1,4 @@
-"""A base that is steered by several, the same for the real Kobuki and its twin: commands, latch, and what it tells."""
+"""Commands of a base: arbitration between sources, latch and reports, the same for drivers, twins and legs."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -40,12 +40,11 @@ from drivers.transport.history import History
 NEAR_BEAMS = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
 
 
-class Settings(TypedDict, total=False):
-    """Speeds in m/s and rad/s, accelerations in m/s^2 and rad/s^2 (braking is 1.2 times as hard); and who is told.
+class BaseSettings(TypedDict, total=False):
+    """Speeds in m/s and rad/s, accelerations in m/s^2 and rad/s^2 (braking is 1.2 times as hard), and callbacks.
 
-    ``changed`` is called whenever a contact, a hazard or a button changes, ``steered`` with each change of who commands
-    or of what came of it.
-    ``guard`` are the keys of its section, for its range guard.
+    ``changed`` is called whenever a contact, a hazard or a button changes, ``steered`` with each change of steering.
+    ``guard`` is the section of the robot file, for the range guard.
     """
 
     max_linear: float
@@ -60,28 +59,28 @@ class Settings(TypedDict, total=False):
     steered: Steered
 
 
-class Told(Protocol):
-    """Who is told by a driver or a twin: a ``Site``, a ``Stage``."""
+class BaseCallbacks(Protocol):
+    """Callbacks of a base: ``drivers.api.driver.Site`` and ``drivers.sim.stage.Stage`` have them."""
 
     @property
     def report(self) -> Report:
-        """Told how the base is."""
+        """Receives each status of the device."""
         ...
 
     @property
     def changed(self) -> Callable[[], None]:
-        """Told that a contact, a hazard or a button has changed."""
+        """Called when a contact, a hazard or a button changes."""
         ...
 
     @property
     def steered(self) -> Steered:
-        """Told who commands."""
+        """Receives each change of steering."""
         ...
 
 
-def settings_of(keys: BaseKeys, told: Told) -> Settings:
-    """Return the settings of a base on two wheels, by its section of a robot file."""
-    return Settings(
+def settings_of(keys: BaseKeys, callbacks: BaseCallbacks) -> BaseSettings:
+    """Return the settings of a base from its section of a robot file."""
+    return BaseSettings(
         max_linear=keys.max_speed,
         max_angular=keys.max_turn,
         linear_acceleration=keys.acceleration,
@@ -89,25 +88,24 @@ def settings_of(keys: BaseKeys, told: Told) -> Settings:
         reflexes=keys.reflexes,
         away=keys.away,
         guard=keys,
-        report=told.report,
-        changed=told.changed,
-        steered=told.steered,
+        report=callbacks.report,
+        changed=callbacks.changed,
+        steered=callbacks.steered,
     )
 
 
-class SteeredBase(ABC):
-    """The half of a ``drivers.api.Base`` that commands go to. A subclass adds its wire or its body.
+class ArbitratedBase(ABC):
+    """Base class of drivers and twins: a ``drivers.api.Base`` whose commands pass a velocity multiplexer.
 
-    Commands are safe between threads. Raises ValueError for a limit that is not positive.
+    A subclass adds the actuators and the state. Commands are safe between threads. ``instruments`` names what measures
+    the motion. Raises ValueError for a limit that is not positive.
     """
 
     name = "base"
-    instruments = Instruments()
-    """What measures its motion, in words."""
-    comparable = True
-    """Whether range finder and IMU can tell of its motion."""
+    has_witnesses = True
+    """Whether range finder and IMU can check the motion of this base."""
 
-    def __init__(self, clock: Clock, **settings: Unpack[Settings]) -> None:
+    def __init__(self, clock: Clock, instruments: Instruments | None = None, **settings: Unpack[BaseSettings]) -> None:
         self._clock = clock
         self._report = guarded(settings.get("report", ignore))
         self._changed = guarded(settings.get("changed", ignore))
@@ -119,25 +117,25 @@ class SteeredBase(ABC):
             settings.get("angular_acceleration", 3.5),
         )
         self._limits = limits.told
-        monitor = ProgressMonitor(self.instruments)
+        monitor = ProgressMonitor(instruments)
         self._mux = VelocityMultiplexer(limits, settings.get("reflexes"), settings.get("away"), monitor)
-        self._told_fault: MotionFault | None = None
-        self._told = self._mux.steering
+        self._reported_fault: MotionFault | None = None
+        self._reported_steering = self._mux.steering
         self._guard_keys = settings.get("guard")
         self._poses = History()  # heading, x and y
         self._silent = False
-        # Held from the choice of a command until it is written, so that no older one can follow the zero of a stop.
+        # Held from the selection of a command until it is written: no older command may follow the zero of a stop.
         self._lock = RLock()
 
     @property
     def limits(self) -> BaseLimits:
-        """How fast it goes, and how quickly that changes."""
+        """Limits of speed and acceleration in force."""
         return self._limits
 
     def curb(self, limits: BaseLimits) -> BaseLimits:
-        """See ``drivers.api.Curbed``: of its speeds, at once and by its ramp."""
+        """See ``drivers.api.Curbed``. Only speeds are restricted; a faster base slows down by its ramp."""
         with self._lock:
-            self._limits = self._mux.curb(limits.speed, limits.turn)
+            self._limits = self._mux.restrict_limits(limits.speed, limits.turn)
         return self._limits
 
     def guard_by(self, ranger: Ranger, blind: Sequence[tuple[float, float]] = ()) -> None:
@@ -145,7 +143,7 @@ class SteeredBase(ABC):
         keys = self._guard_keys or BaseKeys()
         if isinstance(keys.range_guard, str):
             return
-        # They import numpy, which a robot without a range finder does not need.
+        # Imported here: they need numpy, a robot without a range finder does not.
         from drivers.base.footprint import outline_of  # noqa: PLC0415
         from drivers.base.range_guard import RangeGuard  # noqa: PLC0415
 
@@ -162,9 +160,9 @@ class SteeredBase(ABC):
 
     def compare_with(self, *, ranger: Ranger | None = None, imu: Imu | None = None) -> None:
         """See ``drivers.api.Witnessed``."""
-        if not self.comparable:
+        if not self.has_witnesses:
             return
-        # They import numpy, which a robot without either does not need.
+        # Imported here: they need numpy, a robot without either does not.
         from drivers.base.footprint import outline_of  # noqa: PLC0415
         from drivers.base.witnesses import ImuWitness, ScanWitness  # noqa: PLC0415
 
@@ -173,129 +171,129 @@ class SteeredBase(ABC):
         witnesses += [] if imu is None else [ImuWitness(imu)]
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
-        """Drive so for ``COMMAND_LIFE`` at most; return what is in force of it: limited, and what reflexes permit.
+        """Request a velocity for ``COMMAND_LIFE``; return the velocity that limits and reflexes permit of it.
 
-        The base gets there by its acceleration limits. Raises BadRequest for a value that is not finite and for
-        ``Source.SAFETY``, DeviceFault while it is latched, and NotConnected when no reports arrive: it does not drive
-        blind, and stands still.
+        The base approaches it by its acceleration limits. Raises BadRequest for a value that is not finite and for
+        ``Source.SAFETY``, DeviceFault while it is latched, and NotConnected while no reports arrive: a base without
+        reports is stopped.
         """
         check(self.name, velocity, source)
         now = self._clock.now()
-        if (silence := self._unheard(now)) is not None:
+        if (error := self._offline_error(now)) is not None:
             self.stop()
-            raise silence
+            raise error
         with self._lock:
             require(self.name, self._mux.latched)
-            return self._mux.steer(velocity, now, self._newest, source)
+            return self._mux.request(velocity, now, self._last_state, source)
 
     def perform(self, act: str, gait: GaitKeys | None = None) -> float:  # noqa: ARG002 - it has no legs for that
         """Raise BadRequest: it goes on wheels."""
         raise BadRequest(f"{self.name}: it has no legs to {act} with", hint="this needs a base of `driver: legs`")
 
     def stop(self, *, source: Source | None = None) -> None:
-        """Stand still now, without any ramp: forget what ``source`` commands, or anybody (None).
+        """Drop the setpoint of ``source``, or of all sources if None, and stop without a ramp.
 
-        Safe from any state, more than once; does not raise when offline.
+        Another source that commands the base goes on. Safe from any state, more than once; does not raise when offline.
         """
         with self._lock:
-            if self._mux.halt(source):
-                self._stand()
+            if self._mux.stop(source):
+                self._send_stop()
 
     def latch(self, reason: str) -> None:
-        """Stand still until ``enable``, whoever commands. Safe from any state, more than once."""
+        """Stop, and refuse commands until ``enable``. The first reason is kept. Safe from any state, more than once."""
         with self._lock:
             self._mux.latch(reason)
             self.stop()
 
     def enable(self) -> None:
-        """End a latched stop; nothing of before is in force then."""
+        """Release the latch. Setpoints from before are dropped."""
         with self._lock:
             self._mux.enable()
 
     @property
     def latched(self) -> str:
-        """Why it is latched; empty while it is not."""
+        """Reason for which the base is latched; empty if it is not."""
         return self._mux.latched
 
     def steering(self) -> Steering:
-        """Return who commands it, and what came of that, as of the last renewal."""
+        """Return source, setpoint and permitted velocity of the last control cycle."""
         return self._mux.steering
 
     def heading_at(self, stamp: float) -> float | None:
-        """The heading in radians at a past time (the last 3 s), interpolated; None when that is not known."""
+        """Return the interpolated heading in radians at a time in the last 3 s; None if it is unknown."""
         found = self._poses.at(stamp)
         return found[0] if found else None
 
     def rest(self) -> None:
-        """Stand still: the only rest of a base."""
+        """Stop: a base has no other rest."""
         self.stop()
 
-    # --- what the subclass adds, and what it calls --------------------------------------------------------------------
+    # --- for subclasses -----------------------------------------------------------------------------------------------
 
     @abstractmethod
     def state(self) -> Reading[BaseState]:
-        """Return the newest report of the base."""
+        """Return the last reported state."""
 
     @property
     @abstractmethod
-    def _newest(self) -> BaseState | None:
-        """The newest state, for the reflexes; None before the first."""
+    def _last_state(self) -> BaseState | None:
+        """The state by which reflexes judge a new command; None before the first report."""
 
     @abstractmethod
-    def _unheard(self, now: float) -> NotConnected | None:
-        """Say why no command can be taken; None while reports arrive."""
+    def _offline_error(self, now: float) -> NotConnected | None:
+        """Return the error for a command that arrives now; None while the base is online."""
 
     @abstractmethod
-    def _stand(self) -> None:
-        """Tell the wheels to stand, where anybody is there to be told. Does not raise NotConnected."""
+    def _send_stop(self) -> None:
+        """Stop the actuators, if they can be reached. Does not raise NotConnected."""
 
     @contextmanager
-    def _standing_on_error(self) -> Iterator[None]:
-        """Tell the wheels to stand if a renewal fails, for else the last speed goes on; the error is raised again."""
+    def _stopping_on_error(self) -> Iterator[None]:
+        """Stop the actuators if a renewal fails, and raise the error again: else the last speed would go on."""
         try:
             yield
         except NotConnected:
             raise
         except BaseException:  # SystemExit too, as drivers.transport.link takes it
-            self._stand()
+            self._send_stop()
             raise
 
     def _remember(self, stamp: float, pose: Pose2D) -> None:
-        """Remember where the base was at ``stamp``."""
+        """Store the pose that was measured at ``stamp``."""
         self._poses.add(stamp, (pose.heading, pose.x, pose.y))
 
     def _near_dock(self) -> bool:
-        """Whether it hears the near beams of its dock, or is on it."""
+        """Return whether the base receives the near beams of its dock, or is docked."""
         state = self.state().value
         if state is None:
             return False
         dock = state.dock
         return state.docked or bool((dock.left | dock.centre | dock.right) & NEAR_BEAMS)
 
-    def _tell_steering(self, steering: Steering) -> None:
-        """Tell who commands, and why the base was stopped, if that is new."""
+    def _report_steering(self, steering: Steering) -> None:
+        """Report a new steering, and a new motion fault."""
         fault = self._mux.fault
-        if fault is not self._told_fault and fault is not None:
-            self._told_fault = fault
+        if fault is not self._reported_fault and fault is not None:
+            self._reported_fault = fault
             self._report(DeviceStatus(self.name, "fault", f"{self.name}: {fault.reason}", fault.hint))
-        if steering != self._told:
-            self._told = steering
+        if steering != self._reported_steering:
+            self._reported_steering = steering
             self._steered(steering)
 
-    def _tell_return(self, what: str) -> None:
-        """Tell that the base is back, if it was silent."""
+    def _report_online(self, what: str) -> None:
+        """Report that a base that was silent is online again."""
         if self._silent:
             self._silent = False
             self._report(DeviceStatus(self.name, "online", what))
 
-    def _tell(self, before: BaseState | None, states: Iterable[BaseState]) -> None:
-        """Tell what has changed of contacts, buttons and hazards, from state to state."""
-        felt = False
+    def _report_changes(self, before: BaseState | None, states: Iterable[BaseState]) -> None:
+        """Report the changes of contacts, buttons and hazards from state to state."""
+        changed = False
         for state in states:
             change = compare(before, state)
-            felt = felt or change.felt
+            changed = changed or change.felt
             for fault, hint in change.faults:
                 self._report(DeviceStatus(self.name, "fault", fault, hint))
             before = state
-        if felt:
+        if changed:
             self._changed()

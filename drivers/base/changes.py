@@ -1,4 +1,4 @@
-"""Differences between two states of a base that are worth reporting."""
+"""Changes between two states of a base: of contacts, buttons and hazards."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -6,13 +6,13 @@ from types import MappingProxyType
 from drivers.api import BaseState, Sides
 from drivers.api.quick import dataclass
 
-# Names of the hazards in ``BaseState.hazards``, and advice on each. Sides may follow a name: "stall left".
+# Names of the hazards in ``BaseState.hazards``, with advice. A side may follow a name: "stall left".
 
 BACKUP_LIMIT = "backup limit"
 STALL = "stall"
 OBJECT_NEAR = "object near"
 UNKNOWN = "hazard of type"
-"""A type that this version does not know; its number follows."""
+"""Prefix of a type that this version does not know; its number follows."""
 
 _ADVICE: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
@@ -24,11 +24,11 @@ _ADVICE: Mapping[str, tuple[str, str]] = MappingProxyType(
         UNKNOWN: ("not known to this version", "`mission ros2 echo /hazard_detection` shows the message"),
     }
 )
-"""Effect and hint of each hazard that is worth a fault; an object that is near is worth none."""
+"""Effect and hint of each hazard that is reported as a fault; a near object is not."""
 
 
 def describe(hazard: str) -> tuple[str, str] | None:
-    """Return a sentence on the hazard with its effect, and a hint; None for one that is no fault."""
+    """Return a message on the hazard with its effect, and a hint; None if it is not a fault."""
     for name, (effect, hint) in _ADVICE.items():
         if hazard.startswith(name):
             return f"{hazard}: {effect}", hint
@@ -40,10 +40,10 @@ ON_THE_FLOOR = "stand the base on the floor, away from the edge"
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What is new since the state before.
+    """Change between two states.
 
-    ``faults`` says in words what the base now refuses, each with a hint; ``felt`` is True when any contact, button or
-    hazard changed.
+    ``faults`` are pairs of a fault and a hint, for motions that the base now refuses. ``felt`` is True if a contact,
+    button or hazard changed.
     """
 
     faults: tuple[tuple[str, str], ...]
@@ -51,7 +51,7 @@ class Change:
 
 
 def compare(before: BaseState | None, after: BaseState) -> Change:
-    """Compare two states; before the first one nothing was felt."""
+    """Compare two states; ``before`` is None for the first state, which has no contacts before it."""
     faults = []
     if drop := _risen(before.wheel_drop if before else Sides(), after.wheel_drop):
         faults.append((f"wheel drop {drop}: it does not drive", ON_THE_FLOOR))
@@ -64,7 +64,7 @@ def compare(before: BaseState | None, after: BaseState) -> Change:
 
 
 def _risen(before: Sides, after: Sides) -> str:
-    """Name the sides that have come on."""
+    """Return the names of the sides that became active."""
     names = ("left", "centre", "right")
     return " and ".join(name for name in names if getattr(after, name) and not getattr(before, name))
 

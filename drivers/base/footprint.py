@@ -1,4 +1,4 @@
-"""The outline of a base on the floor, and how far things are from it along a path."""
+"""Outline of a base on the floor, and its clearance to points along a path."""
 
 from collections.abc import Sequence
 from math import hypot
@@ -15,7 +15,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class PathPoses:
-    """Poses of a base along a path, from its present pose on: arrays of shape (k,), in metres and radians."""
+    """Poses along a path, relative to the current pose: arrays of shape (k,), in metres and radians."""
 
     x: Floats
     y: Floats
@@ -23,20 +23,20 @@ class PathPoses:
 
 
 class Outline(Protocol):
-    """The outline of a base about its middle; ``radius`` is that of the circle around it, in metres."""
+    """Outline about the middle of a base; ``radius`` in metres is that of the enclosing circle."""
 
     radius: float
     round: bool
     rim: Floats
-    """Points on the outline: shape (m, 2)."""
+    """Points on the outline, in metres: shape (m, 2)."""
 
     def clearance(self, x: Floats, y: Floats, path: PathPoses) -> Floats:
-        """Return how far each of n points is from the outline at each of k poses: shape (n, k), negative inside."""
+        """Return the distance of n points from the outline at k poses: shape (n, k), negative inside."""
         ...
 
 
 class Disc:
-    """A round base."""
+    """Outline of a round base."""
 
     round = True
 
@@ -53,7 +53,7 @@ class Disc:
 
 
 class Polygon:
-    """The convex hull of ``corners`` (metres). Raises ValueError for corners without an area around the middle."""
+    """Convex hull of ``corners`` (metres). Raises ValueError unless it encloses the middle of the base."""
 
     round = False
 
@@ -72,7 +72,7 @@ class Polygon:
         self.rim: Floats = (hull + shares * edges).reshape(-1, 2)
 
     def clearance(self, x: Floats, y: Floats, path: PathPoses) -> Floats:
-        """See ``Outline``. Beyond a corner this is less than the distance, never more."""
+        """See ``Outline``. Beyond a corner the result is less than the distance, never more."""
         ahead, aside = x[:, None] - path.x, y[:, None] - path.y
         cos, sin = np.cos(path.heading), np.sin(path.heading)
         nearest: Floats = np.full(ahead.shape, -np.inf)
@@ -82,12 +82,12 @@ class Polygon:
 
 
 def outline_of(footprint: Footprint) -> Outline:
-    """Return the outline that a robot file describes. Raises ValueError for corners that are none."""
+    """Return the outline for a footprint of a robot file. Raises ValueError for invalid corners."""
     return Polygon(footprint) if isinstance(footprint, tuple) else Disc(footprint)
 
 
 def radius_of(footprint: Footprint) -> float:
-    """Return the radius in metres of the circle around a footprint."""
+    """Return the radius in metres of the circle that encloses a footprint."""
     return max(hypot(*corner) for corner in footprint) if isinstance(footprint, tuple) else footprint
 
 

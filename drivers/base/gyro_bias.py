@@ -1,69 +1,69 @@
-"""The bias of a gyro, learnt while the base is known to stand still. Time is handed in as intervals.
+"""Bias of a gyro, learnt while the base stands still.
 
-A raw rate is never taken for standing or turning: only whether it changes, and what is left of it without the bias.
-A bias that is learnt in a slow turn makes the heading drift afterwards (pybricks/support#1840). So the bias is learnt
-only while nothing is commanded and the encoders stand still. Where no encoders are reported, an even rate has to do:
-then a slow turn by somebody else looks the same until the bias is known, and is told apart from it afterwards.
+The raw rate alone does not show whether the base stands: a bias looks like a slow turn. A bias that is learnt in a slow
+turn makes the heading drift afterwards (pybricks/support#1840). So it is learnt only while the base is not commanded
+and its encoders do not count. A base without encoders must have an even rate instead. Until the bias is known, a slow
+turn by somebody else is then learnt as bias; afterwards it is recognised.
 """
 
 SETTLED = 0.3
-"""Seconds of standing still, of command and encoders, after which it learns."""
+"""Seconds at rest, by command and encoders, after which the bias is learnt."""
 
 LEARNT = 0.5
-"""Seconds of standing still after which the bias is known well enough to turn by."""
+"""Seconds at rest after which the bias is accurate enough for a turn."""
 
 SETTLING_LIMIT = 3.0
-"""Seconds of standing after which nobody waits any longer for a bias that cannot be learnt."""
+"""Seconds at rest after which leaves stop waiting for a bias that cannot be learnt."""
 
 GATE = 0.12
-"""rad/s beside the bias from which on a base truly turns, though its encoders stand still: somebody has lifted it."""
+"""Deviation from the bias in rad/s above which a base turns although its encoders stand still: it was lifted."""
 
 KNOWN_AFTER, KNOWN_GATE = 2.0, 0.02
-"""Seconds of learning after which a base without encoders counts as turning from so many rad/s beside the bias on."""
+"""Seconds of learning after which a base without encoders turns if its rate deviates by so many rad/s."""
 
 RELEARN_AFTER = 60.0
-"""Seconds of an even rate beside a known bias after which that rate is the bias: nobody turns a base so long."""
+"""Seconds of an even rate that differs from the bias, after which it is the new bias: no turn lasts so long."""
 
 DRIFTS = 0.01
-"""rad/s from which on a rate at rest is worth waiting for the bias to be known."""
+"""Rate at rest in rad/s above which leaves wait until the bias is known."""
 
 MEMORY = 2.0
-"""Seconds over which the bias is averaged once it is known: a bias follows the temperature."""
+"""Time constant in seconds of a known bias: it follows the temperature."""
 
 STEADY = 0.02
-"""rad/s by which the reported rate of a base without encoders may change while it counts as standing."""
+"""Change in rad/s between two reports up to which the rate of a base without encoders is steady."""
 
 SPAN, EVEN, ROUGH = 1.0, 0.005, 3
-"""Seconds whose mean rates may differ by so many rad/s while a noisy or rounded rate counts as even: one that is not
-steady so many times within these seconds."""
+"""Length of a span in seconds, difference of the means of two spans in rad/s up to which a noisy or rounded rate is
+even, and the number of unsteady reports in a span that make a rate noisy."""
 
 SMOOTHING = 0.2
-"""Seconds over which turns are averaged: messages that arrive in pairs tell no rate one by one."""
+"""Time constant in seconds of the mean rate: messages that arrive in pairs have no rate one by one."""
 
 
 class GyroBias:
-    """Corrects turns and rates of a gyro. Without ``encoders``, a base stands only while its rate is even."""
+    """Corrects turns and rates of a gyro. Without ``encoders``, a base is at rest only while its rate is even."""
 
     def __init__(self, *, encoders: bool = True) -> None:
         self.rate = 0.0
-        """The bias, in rad/s."""
+        """Bias in rad/s."""
         self.settling = False
-        """True while it stands with a rate that may be a bias, which is not known yet; ``SETTLING_LIMIT`` at most."""
+        """True while the base is at rest with a rate that may be an unknown bias, for ``SETTLING_LIMIT`` at most."""
         self._encoders = encoders
         self._learnt_for = 0.0
-        self._stood_for = 0.0  # whether its rate is even or not
+        self._stood_for = 0.0  # with an even rate or not
         self._still_for = 0.0
         self._beside_for = 0.0  # with an even rate that differs from the known bias
         self._before: float | None = None
         self._mean = 0.0
-        self._even = False  # though it is not steady from sample to sample
-        self._span = (0.0, 0.0, 0)  # turn in rad, seconds, and how often the rate was not steady
+        self._even = False  # although it changes from report to report
+        self._span = (0.0, 0.0, 0)  # turn in rad, seconds, number of unsteady reports
         self._span_before: float | None = None  # the mean rate of the span before
 
     def correct(self, turn: float, rate: float, seconds: float, *, still: bool) -> tuple[float, float]:
-        """Return ``turn`` (rad) within ``seconds``, and ``rate`` (rad/s), without the bias; both 0 at rest.
+        """Return ``turn`` (rad) within ``seconds`` and ``rate`` (rad/s) without the bias; both are 0 at rest.
 
-        ``still`` says that nothing is commanded and no encoder counts.
+        ``still`` is True if the base is not commanded and no encoder counts.
         """
         if seconds <= 0.0:
             return turn, rate - self.rate
@@ -84,7 +84,7 @@ class GyroBias:
         return 0.0, 0.0
 
     def _stand(self, turn: float, seconds: float, *, steady: bool) -> None:
-        """Average the turns of a base that is told to stand."""
+        """Average the turns of a base that is not commanded."""
         share = min(seconds / SMOOTHING, 1.0) if self._stood_for else 1.0
         self._mean += share * (turn / seconds - self._mean)
         self._stood_for += seconds
@@ -97,13 +97,13 @@ class GyroBias:
             self._span_before = mean
 
     def _restart(self) -> None:
-        """Begin to average anew: the base moves."""
+        """Restart the averages: the base moves."""
         self._stood_for = 0.0
         self._span, self._even = (0.0, 0.0, 0), False
         self._span_before = None
 
     def _rests(self, measured: float, rate: float, seconds: float) -> bool:
-        """Return whether all that is measured is the bias."""
+        """Return whether the base is at rest, so that the measured rate is the bias."""
         if self._still_for < SETTLED:
             self._beside_for = 0.0
             return False

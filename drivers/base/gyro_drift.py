@@ -1,14 +1,14 @@
-"""The drift of a gyro at rest as a finding of a check-up."""
+"""Check-up of a gyro: its drift at rest."""
 
 from math import degrees
 
 from drivers.api.driver import Finding, warning, wrong
 
 DRIFT_WARNING, DRIFT_WRONG = 0.3, 5.0
-"""deg/s of a gyro at rest from which on it is worth a warning, or wrong."""
+"""Drift at rest in deg/s from which on there is a warning, or an error."""
 
 TURN_SPEED = 40.0
-"""deg/s of the turn in the example of the report."""
+"""Turn rate in deg/s of the example in the finding."""
 
 
 def drift(turned: float, seconds: float) -> Finding:

@@ -1,4 +1,4 @@
-"""How fast the base may go, and how quickly it may change that. Pure arithmetic."""
+"""Limits of speed and acceleration of a base."""
 
 from math import isfinite
 
@@ -6,12 +6,12 @@ from drivers.api import BaseLimits, Velocity
 from drivers.api.quick import dataclass
 
 BRAKING = 1.2
-"""How much harder than it speeds up the base may slow down."""
+"""Ratio of the limits of deceleration and acceleration."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Greatest speeds (m/s, rad/s) and accelerations (m/s^2, rad/s^2). Raises ValueError unless all are positive."""
+    """Maximum speeds (m/s, rad/s) and accelerations (m/s^2, rad/s^2). Raises ValueError unless all are positive."""
 
     max_linear: float
     max_angular: float
@@ -26,20 +26,20 @@ class Limits:
 
     @property
     def told(self) -> BaseLimits:
-        """The same as behaviours are told of them."""
+        """The same limits, as leaves see them."""
         return BaseLimits(self.max_linear, self.max_angular, self.linear_acceleration, self.angular_acceleration)
 
     def clamp(self, wanted: Velocity) -> Velocity:
-        """Return ``wanted``, slowed down as a whole until it is within the limits: the path keeps its shape."""
+        """Return ``wanted``, scaled down to the speed limits: the path keeps its shape."""
         excess = max(1.0, abs(wanted.linear) / self.max_linear, abs(wanted.angular) / self.max_angular)
         if excess == 1.0:
             return wanted
         return Velocity(wanted.linear / excess, wanted.angular / excess)
 
     def approach(self, current: Velocity, wanted: Velocity, seconds: float) -> Velocity:
-        """Return how fast to go ``seconds`` after ``current``, on the way to ``wanted``.
+        """Return the velocity ``seconds`` after ``current`` on the ramp to ``wanted``.
 
-        Both components change in proportion, so a start or a stop keeps to the same arc.
+        Both components change in proportion, so that the base stays on the same arc.
         """
         share = min(
             1.0,
@@ -47,7 +47,7 @@ class Limits:
             _share(current.angular, wanted.angular, self.angular_acceleration * seconds),
         )
         if share == 1.0:
-            return wanted  # and not a rounding error beside it
+            return wanted  # exactly, without a rounding error
         return Velocity(
             current.linear + share * (wanted.linear - current.linear),
             current.angular + share * (wanted.angular - current.angular),
@@ -55,7 +55,7 @@ class Limits:
 
 
 def _share(current: float, wanted: float, step: float) -> float:
-    """Return how much of the change may be made now; more than 1 when there is room to spare."""
+    """Return the share of the change that one step permits; it may exceed 1."""
     change = wanted - current
     if change == 0.0:
         return 1.0

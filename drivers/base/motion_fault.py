@@ -1,4 +1,4 @@
-"""The verdict of the progress monitor, and its words."""
+"""Motion faults: results of the progress monitor, and their messages."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from drivers.base.changes import describe
 
 @dataclass(frozen=True, slots=True)
 class MotionFault:
-    """Why a base was stopped: what was commanded, what was measured, the likely cause; and what to try."""
+    """Reason for which a base was stopped, with the likely cause, and a hint."""
 
     reason: str
     hint: str
@@ -32,7 +32,7 @@ LINEAR_CAUSES: Mapping[str, tuple[str, str]] = {
         "swap the wires of both motors, or of both encoders; `mission doctor --move` tells which",
     ),
 }
-"""Likely cause of each deviation in driving, and what helps."""
+"""Likely cause and hint for each deviation in driving."""
 
 ANGULAR_CAUSES: Mapping[str, tuple[str, str]] = {
     "none": (
@@ -49,11 +49,11 @@ ANGULAR_CAUSES: Mapping[str, tuple[str, str]] = {
         "swap left and right; `mission doctor --move` tells which",
     ),
 }
-"""The same of turning."""
+"""Likely cause and hint for each deviation in turning."""
 
 
 def commanded(velocity: Velocity) -> str:
-    """Say what is commanded: "commanded 0.2 m/s"."""
+    """Return the commanded velocity as text: "commanded 0.2 m/s"."""
     parts = []
     if velocity.linear or not velocity.angular:
         parts.append(f"{velocity.linear:.2g} m/s")
@@ -63,56 +63,56 @@ def commanded(velocity: Velocity) -> str:
 
 
 def reported_by(instrument: str) -> str:
-    """Say that an instrument reports something."""
+    """Return the start of a message on a report of an instrument."""
     return f"{instrument} {'report' if instrument.endswith('s') else 'reports'}"
 
 
 def overcurrent(state: BaseState) -> str:
-    """Say which wheels are overloaded."""
+    """Return the overloaded wheels as text."""
     wheels = "wheels" if state.overcurrent.left and state.overcurrent.right else "wheel"
     return f"overcurrent on the {state.overcurrent} {wheels}"
 
 
 def felt(state: BaseState) -> str:
-    """Say what else the base reports that may be the cause."""
+    """Return other reports of the base that may be the cause, as text."""
     found = [overcurrent(state)] if state.overcurrent else []
     return "".join(f"; {each}" for each in (*found, *sorted(state.hazards)))
 
 
 def hint_of(state: BaseState) -> str:
-    """Return what helps against the hazards that the base reports."""
+    """Return the hints for the hazards that the base reports."""
     told = (describe(hazard) for hazard in sorted(state.hazards))
     return "; ".join(dict.fromkeys(hint for _, hint in filter(None, told)))
 
 
-# What follows a motion fault: the source that commanded is held until it lets go; repeated faults latch the base.
+# Hold after a motion fault: the source in command is refused until it lets go; repeated faults latch the base.
 
 LET_GO = 2 * COMMAND_LIFE
-"""Seconds without a command after which a source has let go, though it did not say so."""
+"""Seconds without a command after which a source has let go."""
 
 MAX_FAULTS = 3
-"""Faults within ``RECENT`` seconds that latch the base: to try again does not help."""
+"""Faults within ``RECENT`` seconds after which the base is latched: another attempt would not help."""
 
 RECENT = 60.0
 
 
 class MotionHold:
-    """Holds the source that commanded when a fault came.
+    """Refuses the source that was in command at a motion fault. Not thread-safe.
 
     The source is released when it stops the base, commands zero, commands the opposite direction, or is silent for
     ``LET_GO``. So renewed commands of the same motion never restart the base. A leaf stops the base as it fails, so
-    the next leaf may move it at once. A stop of the mission releases no person. Not safe between threads.
+    the next leaf may move it at once. A stop of the mission does not release an operator.
     """
 
     def __init__(self) -> None:
         self.fault: MotionFault | None = None
         self._held: dict[Source, float] = {}  # with the time of the last command
         self.wanted = STILL
-        """What the held source wanted when the fault came."""
+        """Setpoint of the held source at the fault."""
         self._faults: deque[float] = deque(maxlen=MAX_FAULTS)
 
     def begin(self, fault: MotionFault, source: Source | None, wanted: Velocity, now: float) -> str:
-        """Hold ``source``, which ``wanted`` that; return why the base is to be latched, or nothing."""
+        """Hold ``source`` with its setpoint; return the reason to latch the base, empty if there is none."""
         self.wanted = wanted
         self._held = {} if source is None or source is Source.SAFETY else {source: now}
         self.fault = fault if self._held else None
@@ -123,7 +123,7 @@ class MotionHold:
         return ""
 
     def refuses(self, source: Source, wanted: Velocity, now: float) -> bool:
-        """Take a command of a source; say whether it, or a person before it, is held."""
+        """Return whether a new command is refused: its source, or an operator, is held."""
         if source not in self._held:
             return source is not Source.TELEOP and self.holder(now) is Source.TELEOP
         if wanted == STILL or now - self._held[source] > LET_GO or _opposite(wanted, self.wanted):
@@ -133,11 +133,11 @@ class MotionHold:
         return True
 
     def reason(self, source: Source | None) -> str:
-        """Return why a source is held; empty while it is not."""
+        """Return the reason for which a source is held; empty if it is not."""
         return self.fault.reason if self.fault is not None and source in self._held else ""
 
     def release(self, source: Source | None) -> None:
-        """Let a source command anew; all of them for None."""
+        """Release a source, or all sources if None."""
         if source is None:
             self._held.clear()
         else:
@@ -146,7 +146,7 @@ class MotionHold:
             self.fault = None
 
     def holder(self, now: float) -> Source | None:
-        """Return the source that is held; None once it has let go."""
+        """Return the held source; None after it has let go."""
         for source, at in list(self._held.items()):
             if now - at > LET_GO:
                 self.release(source)
@@ -154,7 +154,7 @@ class MotionHold:
 
 
 def _opposite(one: Velocity, other: Velocity) -> bool:
-    """Return whether a velocity leads the other way: back instead of ahead, or round to the other side."""
+    """Return whether a velocity has the opposite direction of travel, or of turning."""
     if other.linear:
         return one.linear * other.linear < 0.0
     return one.angular * other.angular < 0.0

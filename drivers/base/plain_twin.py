@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Unpack
 
 from drivers.api import STILL, BaseState, Odometers, Velocity
-from drivers.base.arbitrated import Settings
+from drivers.base.arbitrated import BaseSettings
 from drivers.base.gyro_bias import GyroBias
 from drivers.base.progress_monitor import Instruments
 from drivers.base.reckoning import Reckoning, TwoWheels
@@ -33,7 +33,7 @@ class PlainTwin(BaseTwin):
         body: Body | None = None,
         dropouts: float = 0.0,
         seed: int = 0,
-        **settings: Unpack[Settings],
+        **settings: Unpack[BaseSettings],
     ) -> None:
         super().__init__(clock, body=body, dropouts=dropouts, seed=seed, **settings)
         self._wheels = wheels

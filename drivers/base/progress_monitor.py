@@ -1,9 +1,9 @@
-"""Progress monitor of a base: does it do what it was told? Time, commands and reports are handed in.
+"""Progress monitor of a base: compares commanded with measured motion. Times are passed in.
 
-Over about one second, commanded and measured motion are compared in amount and sign, driving and turning separately.
-The tolerance covers dead time and ramp of a base, late and rare odometry, slip of 20 %, slopes and carpet. A base whose
-pose is dead reckoning measures nothing: it is never compared with its own commands, but with what its range finder and
-its IMU see, where it has some (``drivers.base.witnesses``); else only the clock of its motions is left.
+Amount and sign are compared over about one second, for driving and turning separately. The tolerance covers dead time
+and ramp of a base, late and rare odometry, slip of 20 %, slopes and carpet. A pose by dead reckoning is computed from
+the commands, so it is compared with range finder and IMU instead (``drivers.base.witnesses``). Without these only the
+time limit of each motion is left.
 """
 
 from collections import deque
@@ -24,17 +24,17 @@ from drivers.base.motion_fault import (
     reported_by,
 )
 
-# Commanded and measured motion over a sliding window of time, as an interval for what the commands can have caused.
+# Commanded and measured motion in a sliding window of time. The commanded motion is an interval.
 #
-# A base obeys late: after a dead time, along its own ramp, and its odometry comes late, too. So the true velocity is
-# taken to lie between the lowest and the highest velocity that was sent within the last moments (``lag``).
+# A base responds late: after a dead time and along its own ramp, and its odometry is late, too. So the true velocity
+# lies between the lowest and the highest velocity that was sent within the last ``lag`` seconds.
 
 
 @dataclass(frozen=True, slots=True)
 class MotionSums:
-    """Sums since the beginning, at time ``at``: metres and radians.
+    """Motion up to time ``at``, in metres and radians.
 
-    ``low`` and ``high`` bound what the commands can have caused, ``moved`` is what was measured.
+    ``low`` and ``high`` are the bounds of the commanded motion, ``moved`` is the measured motion.
     """
 
     at: float
@@ -43,7 +43,7 @@ class MotionSums:
     moved: Velocity = STILL
 
     def since(self, before: "MotionSums") -> "MotionSums":
-        """Return the motion since ``before``; ``at`` is the time that it took."""
+        """Return the motion since ``before``; its ``at`` is the duration in seconds."""
         return MotionSums(
             self.at - before.at,
             _minus(self.low, before.low),
@@ -53,7 +53,7 @@ class MotionSums:
 
 
 class SentVelocities:
-    """The velocities sent within the last ``lag`` seconds."""
+    """Velocities that were sent within the last ``lag`` seconds."""
 
     def __init__(self, lag: float) -> None:
         self.lag = lag
@@ -61,11 +61,11 @@ class SentVelocities:
 
     @property
     def standing(self) -> bool:
-        """Whether nothing but standing still was sent within the lag."""
+        """Whether only zero was sent within the lag."""
         return len(self._sent) == 1 and self._sent[0][1] == STILL
 
     def add(self, now: float, velocity: Velocity) -> None:
-        """Note that ``velocity`` is sent from ``now`` on."""
+        """Add a velocity that is sent from ``now`` on."""
         if self._sent[-1][1] != velocity:
             self._sent.append((now, velocity))
 
@@ -81,18 +81,18 @@ class SentVelocities:
 
 
 class MotionWindow:
-    """The sums of the last ``length`` seconds, one kept every ``spacing`` seconds."""
+    """Motion sums of the last ``length`` seconds, stored every ``spacing`` seconds."""
 
     def __init__(self, length: float, spacing: float) -> None:
         self._length, self._spacing = length, spacing
         self._kept: deque[MotionSums] = deque()
 
     def restart(self) -> None:
-        """Forget all sums."""
+        """Drop all sums."""
         self._kept.clear()
 
     def add(self, sums: MotionSums) -> MotionSums:
-        """Take the newest sums; return the motion within the window, or since the restart."""
+        """Add the newest sums; return the motion within the window, or since the restart if that was later."""
         kept = self._kept
         if not kept or sums.at - kept[-1].at >= self._spacing:
             kept.append(sums)
@@ -110,7 +110,7 @@ def moved(before: Pose2D, after: Pose2D) -> Velocity:
 
 
 def plus(one: Velocity, other: Velocity, times: float = 1.0) -> Velocity:
-    """Return the sum of two velocities or motions, the second one multiplied."""
+    """Return ``one`` plus ``times`` times ``other``: velocities or motions."""
     return Velocity(one.linear + times * other.linear, one.angular + times * other.angular)
 
 
@@ -119,66 +119,66 @@ def _minus(one: Velocity, other: Velocity) -> Velocity:
 
 
 WINDOW, SLOW_WINDOW = 1.0, 3.0
-"""Seconds over which motion is compared; over the longer one, slow motion and small differences show, too."""
+"""Lengths of the windows of comparison in seconds. The longer one shows slow motion and small differences."""
 
 LAG = 0.5
-"""Seconds that a base may take to obey, and its odometry to tell; the interval of its reports comes on top of that."""
+"""Seconds from a command to its effect in the odometry, in addition to the interval of the reports."""
 
 MAX_INTERVAL = 0.5
-"""Seconds between two reports that are still counted on."""
+"""Longest interval of reports in seconds that is added to ``LAG``."""
 
 NO_DATA_TIMEOUT = 1.0
 """Seconds without a new report after which a moving base is stopped."""
 
 GAP = 0.15
-"""Seconds without a renewal after which the base may have stopped by itself: a computer was held up."""
+"""Seconds without a renewal after which the watchdog of the base may have stopped it: this computer was stalled."""
 
 MIN_SHARE, MAX_SHARE = 0.6, 1.5
-"""Which share of the commanded motion must be measured at least, and may be at most: half is one of two encoders."""
+"""Smallest and largest share of the commanded motion that is measured; half of it is one of two encoders."""
 
 TOLERANCE = Velocity(0.02, 0.1)
-"""Metres and radians by which motion may differ besides."""
+"""Additional tolerance in metres and radians."""
 
 OPPOSITE = Velocity(0.015, 0.06)
-"""Metres and radians that a base may move against the command: the play of its gears, a slope as it starts."""
+"""Motion against the command in metres and radians that is tolerated: backlash, a slope at the start."""
 
 TURN_PER_WAY = 0.5
-"""Radians that each metre may turn a base more or less: wheels that slip on one side."""
+"""Tolerance of the turn in radians per metre: wheels that slip on one side."""
 
 WAY_PER_TURN = 0.03
-"""Metres that each radian may move it: the middle of a turn is not that of the base."""
+"""Tolerance of the distance in metres per radian: the centre of rotation is not that of the base."""
 
 CRAWL = 0.05
-"""m/s below which friction may hold a base."""
+"""Speed in m/s below which friction may hold a base."""
 
 OVERCURRENT_TIMEOUT = 1.0
-"""Seconds of overload after which a base is stopped, whatever its encoders count: its wheels may slip."""
+"""Seconds of overcurrent after which a base is stopped, even if its encoders count: the wheels may slip."""
 
 
 @dataclass(frozen=True, slots=True)
 class Instruments:
-    """What measures the motion of a base, in words."""
+    """Names of the instruments that measure the motion of a base, for messages."""
 
     linear: str = "odometry"
     angular: str = "odometry"
 
 
 class Witness(Protocol):
-    """An instrument beside the odometry: those of ``drivers.base.witnesses``."""
+    """A further instrument that measures motion; see ``drivers.base.witnesses``."""
 
     def restart(self) -> None:
-        """Forget what was seen."""
+        """Drop all measurements."""
         ...
 
     def compare(self, now: float, state: BaseState) -> MotionFault | None:
-        """Return a fault if the base does not move as ``state`` says."""
+        """Return a fault if the measurements contradict the motion in ``state``; else None."""
         ...
 
 
 class ProgressMonitor:
-    """Compares what a base is sent with what it reports. Not safe between threads.
+    """Compares the velocities that are sent with the states that are reported. Not thread-safe.
 
-    ``instruments`` names what measures its motion.
+    ``instruments`` names the instruments of the base, for messages.
     """
 
     def __init__(self, instruments: Instruments | None = None) -> None:
@@ -189,7 +189,7 @@ class ProgressMonitor:
         self.restart()
 
     def restart(self) -> None:
-        """Forget all that was sent and measured."""
+        """Drop all sent and measured motion."""
         self._sent = SentVelocities(LAG + self._interval)
         self._updated_at = 0.0
         self._sums = MotionSums(0.0)
@@ -204,12 +204,12 @@ class ProgressMonitor:
 
     @property
     def watching(self) -> bool:
-        """Whether the base moves, or has been told to until a moment ago: then each report counts."""
+        """True if a velocity was sent within the lag, so that each report counts."""
         return not self._sent.standing
 
     def update(self, now: float, sent: Velocity, state: BaseState | None) -> MotionFault | None:
-        """Take what is ``sent`` to the base from now on, and its newest report; return why it must stop, or None."""
-        if self.watching and now - self._updated_at > NO_DATA_TIMEOUT:  # the base or the computer was away
+        """Update with the velocity ``sent`` and the newest state; return a fault if the base must stop."""
+        if self.watching and now - self._updated_at > NO_DATA_TIMEOUT:  # the base was offline, or this computer stalled
             self.restart()
         if sent == STILL and self._sent.standing:
             self._rest(now, state)
@@ -236,14 +236,14 @@ class ProgressMonitor:
     # --- the inside ---------------------------------------------------------------------------------------------------
 
     def _rest(self, now: float, state: BaseState | None) -> None:
-        """Begin the next motion from here."""
+        """Store the state at rest, from which the next motion starts."""
         if state is not None and state is not self._state:
             self._interval = min(max(now - self._reported_at, 0.0), MAX_INTERVAL)
             self._state, self._pose, self._reported_at = state, state.pose, now
         self._overloaded_since = None
 
     def _begin(self, now: float, state: BaseState | None) -> None:
-        """Begin to count at the start of a motion."""
+        """Start the sums of a motion."""
         self._state, self._pose = state, None if state is None else state.pose
         self._updated_at = self._reported_at = now
         self._sums = MotionSums(now)
@@ -253,7 +253,7 @@ class ProgressMonitor:
             witness.restart()
 
     def _advance(self, now: float) -> None:
-        """Add up what was commanded since the last update."""
+        """Add the motion commanded since the last update."""
         before, self._updated_at = self._updated_at, now
         if now - before > GAP:
             self._sent.add(before + GAP, STILL)
@@ -263,7 +263,7 @@ class ProgressMonitor:
             self._sums = MotionSums(now, plus(sums.low, low, seconds), plus(sums.high, high, seconds), sums.moved)
 
     def _take(self, now: float, state: BaseState) -> None:
-        """Add up what was measured since the last report."""
+        """Add the motion measured since the last report."""
         before, self._state, self._pose = self._pose, state, state.pose
         if before is not None:
             self._interval = min(max(now - self._reported_at, 0.9 * self._interval), MAX_INTERVAL)
@@ -273,7 +273,7 @@ class ProgressMonitor:
         self._reported_at = now
 
     def _overload(self, now: float, sent: Velocity, state: BaseState) -> MotionFault | None:
-        """Return a fault once a motor has been overloaded for too long."""
+        """Return a fault if a motor has been overloaded for ``OVERCURRENT_TIMEOUT``."""
         if not state.overcurrent:
             self._overloaded_since = None
             return None
@@ -285,7 +285,7 @@ class ProgressMonitor:
         return MotionFault(reason, "free its wheels and its way")
 
     def _compare(self, sent: Velocity, state: BaseState) -> MotionFault | None:
-        """Compare the sums within each window."""
+        """Return a fault if commanded and measured motion differ in a window."""
         for window in self._windows:
             motion = window.add(self._sums)
             way = max(abs(motion.low.linear), abs(motion.high.linear))
@@ -325,9 +325,9 @@ class ProgressMonitor:
 
 
 def deviation(low: float, high: float, measured: float, tolerance: float, opposite: float) -> str | None:
-    """Return how a measured motion differs from commands that can have caused ``low`` to ``high``; None if it fits.
+    """Return the deviation of a measured motion from the interval ``low`` to ``high``; None if it is tolerated.
 
-    "none": hardly any of it; "less"; "more"; "opposite": the other way round.
+    Deviations are "none" (hardly any motion), "less", "more" and "opposite".
     """
     least, most = _least(low, high, tolerance, opposite), -_least(-high, -low, tolerance, opposite)
     if least <= measured <= most:
@@ -341,7 +341,7 @@ def deviation(low: float, high: float, measured: float, tolerance: float, opposi
 
 
 def _least(low: float, high: float, tolerance: float, opposite: float) -> float:
-    """Return the least motion that fits."""
+    """Return the smallest motion that is tolerated."""
     if low < 0.0:
         return MAX_SHARE * low - tolerance
     return max(MIN_SHARE * low - tolerance, -opposite) if high > 0.0 else -tolerance

@@ -1,9 +1,9 @@
-"""The range guard: limits what a base is sent, so that it stops before what its range finder sees.
+"""Range guard of a base: reduces velocities, so that the base stops before obstacles that its range finder sees.
 
-It looks at the area that the body sweeps on the commanded arc until it can stand: what it still rolls before the wheels
-obey, and while they brake. The whole velocity is scaled, so the arc stays. What is nearer than the gap already forbids
-only motion that brings it nearer: turning and backing off lead out. What moves may be at any place by then that it can
-reach at its speed. Its time is handed in; not safe between threads.
+The guard checks the area that the body sweeps on the commanded arc until it stands: during the reaction time, and while
+it brakes. The velocity is scaled as a whole, so that the arc stays. An obstacle that is nearer than the gap forbids
+only motion towards it, so that the base can turn or back off. A moving obstacle may meanwhile reach any place within
+its speed. Times are passed in; not thread-safe.
 """
 
 from collections.abc import Callable
@@ -24,44 +24,44 @@ if TYPE_CHECKING:
     from drivers.api.steering import RangeGuardKeys
 
 LATE_AFTER, MISSING_AFTER = 0.5, 2.0
-"""Seconds since the middle of the newest scan after which it counts as late, and as missing."""
+"""Age in seconds of the newest scan, from its middle, from which on it is late, and missing."""
 
 BLIND_SPEED = 0.1
-"""m/s that the rim may go with late scans, and where the range finder does not look."""
+"""Speed of the rim in m/s with late scans, and in directions that the range finder does not see."""
 
 RENEWAL = 0.04
-"""Seconds until the next look at what is sent."""
+"""Seconds until the next check."""
 
 SPACING, MAX_STATIONS = 0.02, 48
-"""Metres between the places of the path at which the body is looked at, and how many there are at most."""
+"""Distance in metres between checked places of the path, and their maximum number."""
 
 NOISE, GRAZING = 0.005, 0.15
-"""Metres by which a wall beside the base may seem nearer by noise, and metres of path on which that is allowed: such a
-wall may be nearer than the gap, down to ``MIN_GAP``."""
+"""Metres by which noise may make a wall beside the base appear nearer, and metres of path to which this applies. Such
+a wall may be nearer than the gap, down to ``MIN_GAP``."""
 
 OWN_PARTS = 0.02
-"""Metres inside of the outline from which on a point is a part of the robot."""
+"""Depth in metres inside the outline from which on a point is a part of the robot."""
 
 START_SPEED, LEAST_SPEED = 0.03, 0.008
-"""m/s that must be free for a base to start after it was stopped, and below which it stops."""
+"""Permitted speed in m/s at which a stopped base starts, and below which it stops."""
 
 DOCKING_SPEED = 0.06
-"""m/s ahead, of what is sent and of what is wanted, up to which a base that hears the near beams of its dock may touch
-it."""
+"""Forward speed in m/s up to which a base that receives the near beams of its dock may touch it: both of the velocity
+and of the setpoint."""
 
 SHARES = (1.0, 0.85, 0.7, 0.55, 0.42, 0.32, 0.24, 0.18, 0.13, 0.09, 0.06, 0.04, 0.0)
-"""Shares of the speed that are tried where something moves."""
+"""Shares of the speed that are tried for moving obstacles."""
 
 ROUNDING = 1e-4
 REPORTED_EVERY = 10.0
 
 
 class RangeGuard:
-    """Limits velocities by the scans of ``ranger``, for a base with this ``outline``.
+    """Reduces velocities for the obstacles in the scans of ``ranger``, for a base with this ``outline``.
 
-    ``poses`` is the history of heading, x and y. ``reaction`` is how many seconds after a command the wheels obey.
-    ``near_dock`` tells whether the base hears the near beams of its dock, or is on it. ``stops`` is True while the
-    base stands because of it.
+    ``poses`` is the history of heading, x and y. ``reaction`` is the time in seconds from a command to its effect.
+    ``near_dock`` returns whether the base receives the near beams of its dock, or is docked. ``stops`` is True while
+    the guard stops the base.
     """
 
     def __init__(
@@ -88,9 +88,9 @@ class RangeGuard:
     def limit(
         self, going: Velocity, wanted: Velocity, limits: Limits, now: float, *, reflex: bool = False
     ) -> tuple[Velocity, str]:
-        """Return how much of ``going`` may be sent, on its way to ``wanted``, and why not all of it.
+        """Return the permitted part of ``going``, which leads to ``wanted``, and the reason for the reduction.
 
-        A ``reflex`` moves without scans as well: it leads away from what the base has touched.
+        A ``reflex`` is permitted without scans, too: it leads away from an obstacle that the base has touched.
         """
         age = self._look(now)
         if age > MISSING_AFTER and not reflex:
@@ -100,7 +100,7 @@ class RangeGuard:
         if reach == 0.0:
             self.stops = False
             return going, ""
-        # A base that was stopped starts again only where it can go on for a bit: scans tremble.
+        # A stopped base starts again only if it can go on for a while: scans are noisy.
         least = min(START_SPEED, self._reach(wanted)) if self.stops else LEAST_SPEED
         probe = _scaled(going, max(1.0, least / reach)) if self.stops else going
         share, why = self._allowed(probe, limits, now)
@@ -120,22 +120,22 @@ class RangeGuard:
         return _scaled(going, share) if share else STILL, why
 
     def rest(self, now: float) -> None:
-        """Note that nobody wants the base to move; look on, for what is near may be out of sight later."""
+        """Note that no source moves the base. Scans are still read: near obstacles may be invisible later."""
         self.stops = False
         self._look(now)
 
     def _reach(self, velocity: Velocity) -> float:
-        """Return how fast the outline leaves its place, in m/s: a round base that turns on the spot stays in it."""
+        """Return the speed in m/s at which the outline leaves its area: 0 for a round base that turns on the spot."""
         if velocity.linear == 0.0 and self._outline.round:
             return 0.0
         return abs(velocity.linear) + abs(velocity.angular) * self._outline.radius
 
     def _look(self, now: float) -> float:
-        """Take the newest scan; return its age in seconds, infinity where there is none."""
+        """Read the newest scan; return its age in seconds, infinity if there is none."""
         self._failure = ""
         try:
             scan = self._ranger.scan().value
-        except Exception as error:  # of whatever kind: without its eyes the base stands
+        except Exception as error:  # of any kind: without scans the base stops
             self._failure = f": {str(error) or type(error).__name__}"
             return inf
         if scan is not None and scan is not self._scan:
@@ -148,11 +148,11 @@ class RangeGuard:
                 self._scan, self._came_at = scan, now
         if self._scan is None:
             return inf
-        # A stamp may lie in the future, where two clocks differ: such a scan ages from when it came.
+        # Two clocks may differ: the age of a scan from the future counts from its arrival.
         return now - min(self._scan.stamp, self._came_at)
 
     def _allowed(self, going: Velocity, limits: Limits, now: float) -> tuple[float, str]:
-        """Return the share of ``going`` at which the base can stop in time, and what is in the way of more."""
+        """Return the share of ``going`` at which the base can stop in time, and the obstacle as text."""
         newest = self._poses.newest()
         if newest is None:
             return 0.0, SCANS_MISSING
@@ -161,7 +161,7 @@ class RangeGuard:
         braking = max(abs(going.linear) / limits.linear_acceleration, abs(going.angular) / limits.angular_acceleration)
         reach = self._reach(going)
         length = max(reaction + braking / 2, GRAZING / reach)  # of the path, in seconds at full speed
-        # What moves has gone on since the scan.
+        # Moving obstacles have moved on since the scan.
         age = 0.0 if self._scan is None else max(0.0, now - self._scan.stamp)
         found = self._near(_placed(values), going, length, age + reaction + braking)
         if found is None:
@@ -191,7 +191,7 @@ class RangeGuard:
     def _near(
         self, pose: Placed, going: Velocity, length: float, seconds: float
     ) -> tuple[Floats, Floats, Floats] | None:
-        """Return the points that may matter, as the base sees them from ``pose``, and their speeds; None for none."""
+        """Return the relevant points in the frame of ``pose``, and their speeds; None if there are none."""
         points = self._points
         heading, x, y = pose
         dx, dy = points.x - x, points.y - y
@@ -207,7 +207,7 @@ class RangeGuard:
         return dx * c + dy * s, dy * c - dx * s, points.speeds[near]
 
     def _leaves_sight(self, going: Velocity, limits: Limits) -> bool:
-        """Say whether the body leaves its place in a direction that the range finder does not see."""
+        """Return whether the body moves in a direction that the range finder does not see."""
         gaps = self._points.gaps
         if not gaps or self._keys.unseen == "free":
             return False
@@ -222,7 +222,7 @@ class RangeGuard:
         return any((np.remainder(bearings - first, 2 * np.pi) < width).any() for first, width in gaps)
 
     def _tell(self, why: str, now: float) -> str:
-        """Report what is wrong with the scans, unless that was reported lately; return it."""
+        """Report a fault of the scans, unless it was reported recently; return it."""
         if now - self._reported.get(why, -inf) >= REPORTED_EVERY:
             self._reported[why] = now
             does = "the base stands" if why.startswith(SCANS_MISSING) else f"the base goes {BLIND_SPEED:g} m/s at most"
@@ -241,7 +241,7 @@ def _scaled(velocity: Velocity, share: float) -> Velocity:
 
 
 def _along(velocity: Velocity, times: Floats) -> PathPoses:
-    """Return where a base is that goes on like that for each of ``times`` seconds."""
+    """Return the poses of a base at ``times`` (seconds) with a constant velocity."""
     turned = velocity.angular * times
     if abs(velocity.angular) < 1e-6:
         return PathPoses(velocity.linear * times, np.zeros(len(times)), turned)
@@ -250,7 +250,7 @@ def _along(velocity: Velocity, times: Floats) -> PathPoses:
 
 
 def _share_until(margin: Floats, times: Floats, reaction: float, braking: float) -> tuple[float, int]:
-    """Return the share of the speed with which the base stands before a margin is used up, and whose margin it is."""
+    """Return the share of the speed at which the base stops within all margins, and the index of the tightest."""
     least = margin.min(axis=0)
     used = np.flatnonzero(least < -ROUNDING)
     if not len(used):
@@ -261,7 +261,7 @@ def _share_until(margin: Floats, times: Floats, reaction: float, braking: float)
         return 0.0, place
     before, after = max(float(least[end - 1]), 0.0), float(least[end])
     free = float(times[end - 1]) + float(times[end] - times[end - 1]) * before / (before - after)
-    # The base goes on at the share s for the reaction T, then brakes: s T + s^2 D / 2 is what is free.
+    # The base drives at the share s for the reaction time T, then brakes: s T + s^2 D / 2 is the free path.
     if braking < 1e-9:
         return min(1.0, free / reaction), place
     return min(1.0, (sqrt(reaction * reaction + 2 * braking * free) - reaction) / braking), place
@@ -278,7 +278,7 @@ def _share_among_moving(
     age: float,
     found: tuple[float, int],
 ) -> tuple[float, int]:
-    """Return the same where some points move; ``found`` is what the others leave."""
+    """Return the same for moving points; ``found`` is the result for the others."""
     moves = np.flatnonzero(speeds)
     if not len(moves):
         return found
@@ -303,7 +303,7 @@ def _share_among_moving(
 
 
 def _words(distance: float, x: float, y: float) -> str:
-    """Say what is in the way: how far from the body, and in which direction."""
+    """Return the obstacle as text: its distance from the body, and its direction."""
     angle = degrees(atan2(y, x))
     side = "left" if angle > 0 else "right"
     if abs(angle) <= 30:
@@ -314,5 +314,5 @@ def _words(distance: float, x: float, y: float) -> str:
         where = f"on the {side}"
     else:
         where = "behind" if abs(angle) >= 150 else f"behind on the {side}"
-    step = 0.1 if distance > 0.1 else 0.02  # coarse: each other text is another event
+    step = 0.1 if distance > 0.1 else 0.02  # coarse, since each new text is an event
     return f"{IN_THE_WAY}, {length_text(step * round(max(distance, 0.0) / step))} {where}"

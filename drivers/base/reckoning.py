@@ -1,15 +1,15 @@
-"""A pose from velocities: odometry where they are measured, dead reckoning where they are what a base was told."""
+"""Pose of a base from velocities: odometry if they are measured, dead reckoning if they are those that were sent."""
 
-from math import cos, sin
+from math import cos, inf, sin
 
-from drivers.api import STILL, Pose2D, Velocity
+from drivers.api import STILL, BaseState, Odometers, Pose2D, Velocity
 
-STRAIGHT = 1e-9
-"""Radians below which a way is straight."""
+MIN_TURN = 1e-9
+"""Radians below which a path is straight."""
 
 
 class Reckoning:
-    """Adds up the way, in arcs. Its time is handed in; not safe between threads."""
+    """Integrates velocities along arcs. Not thread-safe."""
 
     def __init__(self) -> None:
         self.pose = Pose2D(0.0, 0.0, 0.0)
@@ -17,7 +17,7 @@ class Reckoning:
         self._stamp: float | None = None
 
     def advance(self, now: float, velocity: Velocity | None = None) -> None:
-        """Go on until time ``now`` as fast as so far, and from then on at ``velocity``, if that is given."""
+        """Integrate the current velocity until ``now`` (seconds); then replace it, unless ``velocity`` is None."""
         if self._stamp is not None and now > self._stamp:
             self._roll(now - self._stamp)
         self._stamp = now
@@ -25,21 +25,21 @@ class Reckoning:
             self.velocity = velocity
 
     def pause(self) -> None:
-        """Stand still where it is: nobody knows how it moves until ``advance`` is told again."""
+        """Keep the pose until the next ``advance``: the motion until then is unknown."""
         self._stamp, self.velocity = None, STILL
 
     def _roll(self, seconds: float) -> None:
         way, turn = self.velocity.linear * seconds, self.velocity.angular * seconds
         if way == turn == 0.0:
             return
-        chord = way if abs(turn) < STRAIGHT else way * sin(turn / 2) / (turn / 2)
+        chord = way if abs(turn) < MIN_TURN else way * sin(turn / 2) / (turn / 2)
         x, y, heading = self.pose.x, self.pose.y, self.pose.heading
         along = heading + turn / 2
         self.pose = Pose2D(x + chord * cos(along), y + chord * sin(along), heading + turn)
 
 
 class TwoWheels:
-    """Two wheels, or two pairs of them, ``track`` metres apart, neither of which is told more than ``fastest`` m/s.
+    """Two wheels, or two pairs of wheels, ``track`` metres apart, which turn at ``fastest`` m/s at most.
 
     Raises ValueError for values that are not positive.
     """
@@ -50,15 +50,65 @@ class TwoWheels:
         self.track, self.fastest = track, fastest
 
     def within(self, velocity: Velocity) -> Velocity:
-        """Return ``velocity``, slowed down as a whole until both wheels can follow."""
+        """Return ``velocity``, scaled down until both wheels can follow: the path keeps its shape."""
         excess = max(1.0, *(abs(speed) / self.fastest for speed in self.rims(velocity)))
         return velocity if excess == 1.0 else Velocity(velocity.linear / excess, velocity.angular / excess)
 
     def rims(self, velocity: Velocity) -> tuple[float, float]:
-        """Return how fast the left and the right wheel are to turn, in m/s."""
+        """Return the speeds of the left and the right wheel in m/s."""
         half = velocity.angular * self.track / 2
         return velocity.linear - half, velocity.linear + half
 
     def velocity(self, left: float, right: float) -> Velocity:
-        """Return how a base moves whose wheels turn so fast (m/s)."""
+        """Return the velocity of a base from its wheel speeds in m/s."""
         return Velocity((left + right) / 2, (right - left) / self.track)
+
+
+class WheelOdometry:
+    """State of a base that reports at most its wheel speeds. Not thread-safe.
+
+    Without ``measured`` speeds, the pose is dead reckoning from the velocities that were sent.
+    """
+
+    def __init__(self, wheels: TwoWheels, *, measured: bool) -> None:
+        self.wheels = wheels
+        self.measured = measured
+        self._reckoning = Reckoning()
+        self._odometers = Odometers(0.0, 0.0, 0.0)
+        self._reported_at = -inf
+
+    def pause(self) -> None:
+        """Keep the pose until the next report: the connection was lost."""
+        self._reckoning.pause()
+        self._reported_at = -inf
+
+    def send(self, velocity: Velocity, now: float) -> tuple[float, float]:
+        """Note a velocity that is sent; return the wheel speeds in m/s, both within their limit."""
+        velocity = self.wheels.within(velocity)
+        if not self.measured:
+            self._reckoning.advance(now, velocity)
+        return self.wheels.rims(velocity)
+
+    def report(
+        self, now: float, speeds: tuple[float, float] | None, *, volts: float = 0.0, percent: float = 100.0
+    ) -> BaseState:
+        """Return the state after a report with these wheel ``speeds`` in m/s, None if they are not measured."""
+        odometers = None if speeds is None else self._count(now)
+        self._reckoning.advance(now, None if speeds is None else self.wheels.velocity(*speeds))
+        return BaseState(
+            self._reckoning.pose,
+            self._reckoning.velocity,
+            battery_voltage=volts,
+            battery_percent=percent,
+            reckoned=not self.measured,
+            odometers=odometers,
+        )
+
+    def _count(self, now: float) -> Odometers:
+        """Add the travel of both wheels since the last report, at the speeds of that report."""
+        left, right = self.wheels.rims(self._reckoning.velocity)
+        seconds = max(now - self._reported_at, 0.0) if self._reported_at > -inf else 0.0
+        before, self._reported_at = self._odometers, now
+        left, right = before.left + left * seconds, before.right + right * seconds
+        self._odometers = Odometers(left, right, (right - left) / self.wheels.track)
+        return self._odometers

@@ -1,4 +1,4 @@
-"""What the base does by itself with what it feels, whoever commands. Its time and its state are handed in."""
+"""Reflexes of a base: back-off, latch and forbidden directions, after contacts. Pure logic; times are passed in."""
 
 from math import hypot
 from typing import Literal
@@ -7,21 +7,21 @@ from drivers.api import STILL, BaseState, Pose2D, Reflexes, Sides, Velocity
 from drivers.api.quick import dataclass
 
 BACK_OFF_TIME = 1.0
-"""Seconds that backing off may take beyond what its way needs: then something holds it."""
+"""Seconds that a back-off may take beyond its distance at its speed; after that something blocks the base."""
 
-CARRIED = 0.5
-"""Seconds for which both wheels must have hung to count as carried elsewhere: a switch may flicker at an edge."""
+CARRIED_TIME = 0.5
+"""Seconds with both wheels dropped after which the base was carried elsewhere: a switch may bounce at an edge."""
 
 BACK_OFF_TURN = 0.4
-"""rad/s that it turns away from the side that was hit; the figure of the vendor's safety controller."""
+"""Turn rate in rad/s away from the side that was hit, as in the vendor's safety controller of the Kobuki."""
 
-GENTLE = 0.06
-"""m/s up to which a bump was meant: a dock is driven against."""
+MAX_GENTLE_SPEED = 0.06
+"""Speed in m/s up to which a bump is intended: a base drives against its dock."""
 
 
 @dataclass(frozen=True, slots=True)
 class _BackingOff:
-    """A back-off on its way: from where, until when at most, with what command."""
+    """An active back-off: its start pose, deadline, velocity and reason."""
 
     origin: Pose2D
     until: float
@@ -30,100 +30,100 @@ class _BackingOff:
 
 
 class SafetyController:
-    """The reflexes of a base. Tell it every state by ``feel``; then ask it what is permitted.
+    """Reflexes of one base. Not thread-safe.
 
-    ``latching`` says why somebody must enable the base before it drives again; empty when there is no reason.
+    ``latch_reason`` is the reason for which the newest state latches the base; empty if there is none.
     """
 
     def __init__(self, reflexes: Reflexes) -> None:
         self._reflexes = reflexes
         self._before: BaseState | None = None
-        self._edge: Pose2D | None = None  # where a cliff was felt last, until it is left behind
-        self._lifted_at: float | None = None  # since when both wheels hang, or have hung
+        self._edge: Pose2D | None = None  # pose at the last cliff, until the base is far enough from it
+        self._lifted_at: float | None = None  # since when both wheels are dropped, or one of them still is
         self._backing: _BackingOff | None = None
-        self.latching = ""
+        self.latch_reason = ""
 
     @property
-    def alert(self) -> bool:
-        """True while it backs off, or there is an edge to get away from: while places matter."""
+    def needs_pose(self) -> bool:
+        """True while a back-off or an edge makes distances matter."""
         return self._backing is not None or self._edge is not None
 
-    def feel(self, felt: BaseState, going: Velocity, now: float) -> tuple[Velocity, str] | None:
-        """Take in a state, while it was ``going`` so; return what to do about it, and why, or None for nothing."""
-        self.latching = ""
-        if felt is self._before and not self.alert:
+    def update(self, state: BaseState, sent: Velocity, now: float) -> tuple[Velocity, str] | None:
+        """Take a new state, with the velocity that was ``sent``; return velocity and reason of a back-off, or None."""
+        self.latch_reason = ""
+        if state is self._before and not self.needs_pose:
             return None
-        before, self._before = self._before or BaseState(felt.pose, felt.velocity), felt
-        self.latching = self._latch(before, felt)
-        self._remember_edge(felt, now)
-        hard = going.linear > GENTLE and not felt.docked
-        if hard and _risen(before.bumper, felt.bumper) and self._reflexes.bumper == "back_off":
-            self._backing = self._begin(felt, now)
+        before, self._before = self._before or BaseState(state.pose, state.velocity), state
+        self.latch_reason = self._latch(before, state)
+        self._remember_edge(state, now)
+        hard = sent.linear > MAX_GENTLE_SPEED and not state.docked
+        if hard and _risen(before.bumper, state.bumper) and self._reflexes.bumper == "back_off":
+            self._backing = self._begin(state, now)
         backing = self._backing
         if backing is None:
             return None
-        gone = _away(felt.pose, backing.origin) >= self._reflexes.back_off_way and not felt.bumper
-        if gone or felt.cliff or felt.wheel_drop or now > backing.until:
+        gone = _away(state.pose, backing.origin) >= self._reflexes.back_off_way and not state.bumper
+        if gone or state.cliff or state.wheel_drop or now > backing.until:
             self._backing = None
             return None
         return backing.command, backing.because
 
-    def calm(self) -> None:
-        """Do no more about what was felt so far; an edge stays where it was."""
+    def cancel_back_off(self) -> None:
+        """End an active back-off. A known edge is kept."""
         self._backing = None
 
-    def permit(self, wanted: Velocity, felt: BaseState | None) -> tuple[Velocity, str]:
-        """Return what of ``wanted`` may be done with what is felt, and why not all of it.
+    def permit(self, setpoint: Velocity, state: BaseState | None) -> tuple[Velocity, str]:
+        """Return the part of ``setpoint`` that ``state`` permits, and the reason for the restriction.
 
-        Nothing with a wheel in the air, or with nothing known. At an edge only straight back, and so until it is left
-        behind: a base that turns there falls. Not forward with a pressed bumper, but back and round.
+        Nothing is permitted with a dropped wheel or without a state. At an edge only straight back is, until the base
+        is far enough from it: a base that turns there falls. A pressed bumper forbids forward.
         """
-        if felt is None:
+        if state is None:
             return STILL, "no reports"
-        if felt.wheel_drop:
-            return STILL, f"wheel drop {felt.wheel_drop}"
-        if felt.cliff or self._edge is not None:
-            given = Velocity(min(wanted.linear, 0.0), 0.0)
-            return given, "" if given == wanted else f"cliff {felt.cliff}" if felt.cliff else "at an edge"
-        if felt.bumper and wanted.linear > 0.0:
-            return Velocity(0.0, wanted.angular), f"bumper {felt.bumper}"
-        return wanted, ""
+        if state.wheel_drop:
+            return STILL, f"wheel drop {state.wheel_drop}"
+        if state.cliff or self._edge is not None:
+            given = Velocity(min(setpoint.linear, 0.0), 0.0)
+            return given, "" if given == setpoint else f"cliff {state.cliff}" if state.cliff else "at an edge"
+        if state.bumper and setpoint.linear > 0.0:
+            return Velocity(0.0, setpoint.angular), f"bumper {state.bumper}"
+        return setpoint, ""
 
-    def _latch(self, before: BaseState, felt: BaseState) -> str:
+    def _latch(self, before: BaseState, state: BaseState) -> str:
         reflexes = self._reflexes
         contacts: tuple[tuple[str, Literal["stop", "back_off", "latch"], Sides, Sides], ...] = (
-            ("wheel drop", reflexes.wheel_drop, before.wheel_drop, felt.wheel_drop),
-            ("cliff", reflexes.cliff, before.cliff, felt.cliff),
-            ("bumper", reflexes.bumper, before.bumper, felt.bumper),
+            ("wheel drop", reflexes.wheel_drop, before.wheel_drop, state.wheel_drop),
+            ("cliff", reflexes.cliff, before.cliff, state.cliff),
+            ("bumper", reflexes.bumper, before.bumper, state.bumper),
         )
         for name, reflex, was, now in contacts:
             if reflex == "latch" and _risen(was, now):
                 return f"{name} {now}"
         return ""
 
-    def _remember_edge(self, felt: BaseState, now: float) -> None:
-        if felt.wheel_drop.left and felt.wheel_drop.right and self._lifted_at is None:
+    def _remember_edge(self, state: BaseState, now: float) -> None:
+        if state.wheel_drop.left and state.wheel_drop.right and self._lifted_at is None:
             self._lifted_at = now
-        if felt.cliff:
-            self._edge = felt.pose
-        elif self._edge is not None and not felt.wheel_drop:
-            carried = self._lifted_at is not None and now - self._lifted_at >= CARRIED
-            if carried or _away(felt.pose, self._edge) >= self._reflexes.back_off_way:
+        if state.cliff:
+            self._edge = state.pose
+        elif self._edge is not None and not state.wheel_drop:
+            carried = self._lifted_at is not None and now - self._lifted_at >= CARRIED_TIME
+            if carried or _away(state.pose, self._edge) >= self._reflexes.back_off_way:
                 self._edge = None
-        if not felt.wheel_drop:
+        if not state.wheel_drop:
             self._lifted_at = None
 
-    def _begin(self, felt: BaseState, now: float) -> _BackingOff:
-        """Back off, and away from the side that was hit."""
-        left, right = felt.bumper.left, felt.bumper.right
-        turn = 0.0 if left == right or felt.bumper.centre else -BACK_OFF_TURN if left else BACK_OFF_TURN
+    def _begin(self, state: BaseState, now: float) -> _BackingOff:
+        """Return a back-off that turns away from the side that was hit."""
+        left, right = state.bumper.left, state.bumper.right
+        turn = 0.0 if left == right or state.bumper.centre else -BACK_OFF_TURN if left else BACK_OFF_TURN
         command = Velocity(-self._reflexes.back_off_speed, turn)
         until = now + self._reflexes.back_off_way / self._reflexes.back_off_speed + BACK_OFF_TIME
-        return _BackingOff(felt.pose, until, command, f"backing off: bumper {felt.bumper}")
+        return _BackingOff(state.pose, until, command, f"backing off: bumper {state.bumper}")
 
 
 def _risen(before: Sides, after: Sides) -> bool:
-    """Say whether one more side has come on."""
+    """Return whether a side has become active."""
     return (
         (after.left and not before.left) or (after.centre and not before.centre) or (after.right and not before.right)
     )

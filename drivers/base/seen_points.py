@@ -1,8 +1,8 @@
-"""Points that a range finder has seen, in the odometry frame, and how fast each may be moving.
+"""Points that a range finder has seen, in the odometry frame, with an upper bound of their speeds.
 
-A point that appears where an earlier scan saw free space has moved there: its speed is its distance from the nearest
-point of that scan, over the time between. Points that the newest scan cannot see any more, because its beams there
-return nothing, are kept for a while: a range finder measures nothing at very short range, nor of black legs.
+A point in the free space of an earlier scan has moved there: its speed is its distance from the nearest point of that
+scan, divided by the time between. Points for which the newest scan has no echo are kept for a while: a range finder
+does not see very near objects, or black legs.
 """
 
 from collections import deque
@@ -15,11 +15,11 @@ from drivers.api import RangeScan
 from drivers.api.quick import dataclass
 from drivers.base.footprint import Floats
 
-# Whether a scan can be worked with: a range finder from outside, or a node, may send anything.
+# Validation of scans: a third-party range finder, or a node of ROS 2, may send anything.
 
 
 def flaw_of(scan: RangeScan) -> str:
-    """Return why a scan cannot be used, or nothing. One that sees nothing can be."""
+    """Return the flaw of an invalid scan; empty if it is valid. A scan without any echo is valid."""
     if getattr(scan.ranges, "ndim", 0) != 1:
         return "its scan is not an array of one dimension"
     if not len(scan.ranges):
@@ -35,39 +35,39 @@ Placed = tuple[float, float, float]
 """A pose: heading in radians, x and y in metres, in the order of a base's pose history."""
 
 MAX_SPEED = 1.0
-"""m/s: nothing is taken to move faster."""
+"""Maximum speed of a point in m/s."""
 
 COMPARED_AFTER = 0.3
-"""Seconds between the two scans that are compared: in less, a walking person moves hardly more than the noise."""
+"""Seconds between two compared scans: in less time a walking person moves hardly more than the noise."""
 
 NOISE, NOISE_SHARE, NOISE_TURNING = 0.04, 0.02, 0.08
-"""Metres that a point may be off, and the same as a share of its distance, at rest and per rad/s of turning."""
+"""Error of a point in metres, and as a share of its distance, at rest and per rad/s of the turn rate."""
 
 MOVING_FOR, MOVING_NEAR = 1.0, 0.5
-"""Seconds for which a point so near (m) to one that moved may be a part of it, however slow it seems: people turn round
-and stop for a moment."""
+"""Seconds for which a point that is so near (m) to a moved one has the speed of that: people turn round and stop for
+a moment."""
 
 NEAR = 1.5
-"""Metres from the finder within which points are kept that it does not see any more."""
+"""Distance in metres from the range finder within which invisible points are kept."""
 
 KEPT, KEPT_TOO_NEAR = 1.0, 5.0
-"""Seconds for which they are kept, and those that are too near to be measured."""
+"""Seconds for which invisible points are kept, and points below the minimum range."""
 
 TOO_NEAR = 0.05
-"""Metres beyond the shortest distance that the finder measures, up to which a point counts as too near."""
+"""Metres beyond the minimum range up to which a point counts as below it."""
 
 NARROW = 0.21
-"""Radians: a gap in the scan that is no wider does not hide a leg at half a metre."""
+"""Widest gap of a scan in radians that does not hide a leg at half a metre."""
 
 MAX_POINTS = 720
 
 MAX_MOVED = 24
-"""Points of a scan that have moved which are remembered at most: with 720 of them, a scan would cost 50 ms."""
+"""Maximum number of stored moving points of a scan: with 720 of them a scan would take 50 ms."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlacedScan:
-    """A scan with the place of the finder at that time, and its points: all in the odometry frame."""
+    """A scan with the pose of the range finder at that time, and its points, in the odometry frame."""
 
     scan: RangeScan
     heading: float
@@ -78,9 +78,9 @@ class PlacedScan:
 
 
 class SeenPoints:
-    """The points of the newest scan and of what it may have missed. ``place`` is where the finder sits on the base.
+    """Points of the newest scan, and kept points of earlier scans. Not thread-safe.
 
-    ``x``, ``y`` and ``speeds`` have the shape (n,). Its time is handed in; not safe between threads.
+    ``place`` is the pose of the range finder on the base. ``x``, ``y`` and ``speeds`` have the shape (n,).
     """
 
     def __init__(self, place: tuple[float, float, float], blind: tuple[tuple[float, float], ...] = ()) -> None:
@@ -90,14 +90,14 @@ class SeenPoints:
         self.moving = False
         self.place = place
         self.gaps: tuple[tuple[float, float], ...] = ()
-        """Directions from the finder that it does not see: the first bearing in radians and the width."""
+        """Directions that the range finder does not see: first bearing and width in radians."""
         self._blind = tuple((first, (second - first) % tau) for first, second in blind)
         self._earlier: deque[PlacedScan] = deque()
         self._seen_at: Floats = np.empty(0)
-        self._moved: deque[tuple[float, Floats, Floats, Floats]] = deque()  # when and where points moved, how fast
+        self._moved: deque[tuple[float, Floats, Floats, Floats]] = deque()  # times, places and speeds of moved points
 
     def add(self, scan: RangeScan, pose: Placed, now: float) -> None:
-        """Take a new scan, made while the base was at ``pose``."""
+        """Add a new scan, measured at ``pose`` of the base."""
         placed = self._placed(_thinned(scan), pose)
         speeds = self._inherited(placed, self._speeds(placed), now)
         kept = self._kept(placed, now)
@@ -120,7 +120,7 @@ class SeenPoints:
         return PlacedScan(scan, heading, x, y, x + far * np.cos(bearings), y + far * np.sin(bearings))
 
     def _speeds(self, placed: PlacedScan) -> Floats:
-        """Return how fast each new point has come nearer to where it is, in m/s."""
+        """Return the speed in m/s at which each new point has moved to its place."""
         speeds: Floats = np.zeros(len(placed.points_x))
         before = self._earlier[0] if self._earlier else None
         past = 0.0 if before is None else placed.scan.stamp - before.scan.stamp
@@ -137,15 +137,15 @@ class SeenPoints:
         if not len(came):
             return speeds
         away = _squares(placed.points_x[came], placed.points_y[came], before.points_x, before.points_y)
-        moves = np.sqrt(away.min(axis=1)) > noise[came]  # else it is the edge of what was there before
-        # It was at a point of the earlier scan that is empty now; what is there still was something else.
+        moves = np.sqrt(away.min(axis=1)) > noise[came]  # else it belongs to the edge of a known object
+        # It came from a point of the earlier scan that is empty now; a point that is still there is another object.
         away[:, _still_seen(placed, before.points_x, before.points_y, turning)] = np.inf
         moved = np.sqrt(away.min(axis=1))
         speeds[came] = np.where(moves, np.minimum((moved + noise[came]) / past, MAX_SPEED), 0.0)
         return speeds
 
     def _inherited(self, placed: PlacedScan, speeds: Floats, now: float) -> Floats:
-        """Return the speeds of new points, with those of what has moved there lately."""
+        """Return the speeds of new points, raised to those of nearby points that moved recently."""
         while self._moved and now - self._moved[0][0] > MOVING_FOR:
             self._moved.popleft()
         found = speeds
@@ -158,7 +158,7 @@ class SeenPoints:
         return found
 
     def _kept(self, placed: PlacedScan, now: float) -> npt.NDArray[np.bool_]:
-        """Return which of the points so far may still be there, though the new scan does not show them."""
+        """Return which of the previous points may still exist although the new scan does not show them."""
         if not len(self.x):
             return np.zeros(0, dtype=np.bool_)
         index, distance = _beams(placed, self.x, self.y)
@@ -172,7 +172,7 @@ class SeenPoints:
 
 
 def _beams(placed: PlacedScan, x: Floats, y: Floats) -> tuple[npt.NDArray[np.intp], Floats]:
-    """Return by which beam of a scan each point would be seen (beyond the last: by none), and how far it is."""
+    """Return the index of the beam that sees each point (beyond the last: none), and the distance of the point."""
     dx, dy = x - placed.x, y - placed.y
     scan = placed.scan
     around = np.remainder(np.arctan2(dy, dx) - placed.heading - scan.start + scan.step / 2, tau)
@@ -181,7 +181,7 @@ def _beams(placed: PlacedScan, x: Floats, y: Floats) -> tuple[npt.NDArray[np.int
 
 def _squares(x: Floats, y: Floats, other_x: Floats, other_y: Floats) -> npt.NDArray[np.float32]:
     """Return the squared distances of n points from m others: shape (n, m)."""
-    # In float32, and from a point near by, in which that is exact to a millimetre: these are the costly arrays.
+    # In float32, relative to a near point, which is exact to a millimetre: these arrays take most of the time.
     middle_x, middle_y = float(x.mean()), float(y.mean())
     across = (x - middle_x).astype(np.float32)[:, None] - (other_x - middle_x).astype(np.float32)
     along = (y - middle_y).astype(np.float32)[:, None] - (other_y - middle_y).astype(np.float32)
@@ -192,10 +192,7 @@ def _squares(x: Floats, y: Floats, other_x: Floats, other_y: Floats) -> npt.NDAr
 
 
 def _representatives(placed: PlacedScan, speeds: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return ``MAX_MOVED`` points at most of those that move: of neighbours the nearest to the finder, at their speed.
-
-    Their speed is that of the fastest.
-    """
+    """Return at most ``MAX_MOVED`` moving points: of neighbours the nearest, with the speed of the fastest."""
     moves = np.flatnonzero(speeds)
     several = -(-len(moves) // MAX_MOVED)
     padded = np.append(moves, np.full(-len(moves) % several, moves[-1])).reshape(-1, several)
@@ -206,12 +203,12 @@ def _representatives(placed: PlacedScan, speeds: Floats) -> tuple[Floats, Floats
 
 
 def _noise(distance: Floats, turning: float) -> Floats:
-    """Return how far points may be off, in metres, of a base that turned by so many rad/s."""
+    """Return the error of points in metres for a base that turns at ``turning`` rad/s."""
     return NOISE + (NOISE_SHARE + NOISE_TURNING * turning) * distance
 
 
 def _still_seen(placed: PlacedScan, x: Floats, y: Floats, turning: float) -> npt.NDArray[np.bool_]:
-    """Return which of some earlier points a scan still shows."""
+    """Return which earlier points a scan still shows."""
     index, distance = _beams(placed, x, y)
     ranges = placed.scan.ranges
     inside = index < len(ranges)
@@ -221,13 +218,13 @@ def _still_seen(placed: PlacedScan, x: Floats, y: Floats, turning: float) -> npt
 
 
 def _unscanned(scan: RangeScan) -> tuple[tuple[float, float], ...]:
-    """Return the directions that no beam of a scan has, as ``SeenPoints.gaps``."""
+    """Return the directions without a beam, in the form of ``SeenPoints.gaps``."""
     width = tau - len(scan.ranges) * scan.step
     return ((scan.start + (len(scan.ranges) - 0.5) * scan.step, width),) if width > 0.0 else ()
 
 
 def _thinned(scan: RangeScan) -> RangeScan:
-    """Return a scan with ``MAX_POINTS`` beams at most, each the nearest of several."""
+    """Return a scan with at most ``MAX_POINTS`` beams, each the nearest of several."""
     several = -(-len(scan.ranges) // MAX_POINTS)
     if several == 1:
         return scan

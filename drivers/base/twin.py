@@ -18,14 +18,14 @@ from drivers.api import (
     Tune,
     Velocity,
 )
-from drivers.base.arbitrated import Settings, SteeredBase
+from drivers.base.arbitrated import ArbitratedBase, BaseSettings
 from drivers.base.changes import BACKUP_LIMIT
 from drivers.base.progress_monitor import Instruments
 from drivers.base.requests import LIGHTS, check_light, check_tone
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.kobuki.commands import BaseControl
-from drivers.kobuki.driver import SILENT_AFTER, STALE_AFTER
+from drivers.kobuki.driver import OFFLINE_AFTER, STALE_AFTER
 from drivers.kobuki.feedback import Core, Inertia
 from drivers.kobuki.odometry import Odometry
 from drivers.sim.body import NOTHING, Body, either
@@ -86,7 +86,7 @@ class Course(Protocol):
         ...
 
 
-class BaseTwin(SteeredBase, PanelTwin):
+class BaseTwin(ArbitratedBase, PanelTwin):
     """A ``drivers.api.Base`` made of arithmetic. ``step`` is to be called every ``PERIOD``; for one thread.
 
     Limits as for ``KobukiBase``, and kept by the same code. Its pose is odometry, as the real one's: the encoders of
@@ -108,11 +108,11 @@ class BaseTwin(SteeredBase, PanelTwin):
         gyro_noise: float = 0.0,
         dropouts: float = 0.0,
         seed: int = 0,
-        **settings: Unpack[Settings],
+        **settings: Unpack[BaseSettings],
     ) -> None:
         if not (0 <= dropouts <= 1 and 0 <= gyro_noise < inf):
             raise ValueError(f"{self.name}: {dropouts=}, {gyro_noise=}: out of range")
-        SteeredBase.__init__(self, clock, **settings)
+        ArbitratedBase.__init__(self, clock, self.instruments, **settings)
         PanelTwin.__init__(self, self.name, Plug(self.name, self._report, back=self._connected))
         self.body = body or Body()
         self._odometry = Odometry()
@@ -168,7 +168,7 @@ class BaseTwin(SteeredBase, PanelTwin):
         self.body.advance(now)
         if not self.plug.online:
             return
-        with self._standing_on_error():
+        with self._stopping_on_error():
             self._renew(now)
 
     def _renew(self, now: float) -> None:
@@ -179,10 +179,10 @@ class BaseTwin(SteeredBase, PanelTwin):
             self._report(DeviceStatus(self.name, "offline", *self._silence()))
         felt = self._feels(now)
         if felt is not None:
-            self._mux.feel(felt, now)
-        velocity = self._mux.velocity(now, felt)
+            self._mux.on_state(felt, now)
+        velocity = self._mux.next_velocity(now, felt)
         self._obey(velocity, now)
-        self._tell_steering(self._mux.steering)
+        self._report_steering(self._mux.steering)
 
     # --- the hand of whoever tests a mission --------------------------------------------------------------------------
 
@@ -213,7 +213,7 @@ class BaseTwin(SteeredBase, PanelTwin):
 
     def _connected(self) -> None:
         """Begin anew: nothing of before is in force, but the pose goes on from where it was."""
-        self._mux.halt()
+        self._mux.stop()
         self._anchor()
         self._silent = False
         now = self._clock.now()
@@ -234,7 +234,7 @@ class BaseTwin(SteeredBase, PanelTwin):
         self._measure(now)
         self._remember(now, self._course.pose)
         self._heard_at = now
-        self._mux.hear(now)
+        self._mux.on_report(now)
         self._latest = None
         self._frames += 1
         self._feel()
@@ -267,13 +267,13 @@ class BaseTwin(SteeredBase, PanelTwin):
 
     def _feel(self) -> None:
         """Tell what has changed of contacts and buttons, and that the base is back if it was silent."""
-        self._tell_return(f"{self.name}: the base reports again")
+        self._report_online(f"{self.name}: the base reports again")
         contacts = self._touches()
         if contacts == self._contacts and self._felt is not None:
             return
         self._contacts = contacts
         before, self._felt = self._felt, self._state()
-        self._tell(before, (self._felt,))
+        self._report_changes(before, (self._felt,))
 
     def _state(self) -> BaseState:
         """Return the state as of the newest report."""
@@ -301,17 +301,17 @@ class BaseTwin(SteeredBase, PanelTwin):
         """Return what the reflexes go by: what it touches, and where that is while it matters."""
         if not self._hears(now):
             return None
-        if not (self._mux.alert or self._mux.waiting):
+        if not (self._mux.needs_pose or self._mux.request_pending):
             return self._felt
         if self._latest is None:
             self._latest = self._state()
         return self._latest
 
     @property
-    def _newest(self) -> BaseState | None:
+    def _last_state(self) -> BaseState | None:
         return self._felt
 
-    def _unheard(self, now: float) -> NotConnected | None:
+    def _offline_error(self, now: float) -> NotConnected | None:
         if self._hears(now):
             return None
         if not self.plug.online:
@@ -319,12 +319,12 @@ class BaseTwin(SteeredBase, PanelTwin):
         detail, hint = self._silence()
         return NotConnected(detail, hint=hint)
 
-    def _stand(self) -> None:
+    def _send_stop(self) -> None:
         if self.plug.online:
             self._obey(STILL, self._clock.now())
 
     def _hears(self, now: float) -> bool:
-        return self.plug.online and now - self._heard_at <= SILENT_AFTER
+        return self.plug.online and now - self._heard_at <= OFFLINE_AFTER
 
     def _silence(self) -> tuple[str, str]:
         """Say what is the matter with a base that is there but does not report, and what to try."""

@@ -1,7 +1,7 @@
-"""Instruments beside the odometry that see whether a base moves: its range finder, and an IMU.
+"""Further instruments of the progress monitor: they compare range finder and IMU with the pose of the base.
 
-They are compared with the pose that the base believes in: measured by its encoders, or dead reckoning from its
-commands, which nothing else can confute. One that sees nothing which a motion would change says nothing.
+The pose is measured by encoders, or dead reckoning from the commands, which no other instrument can refute. A range
+finder in surroundings that look the same after a motion, such as a corridor, gives no result.
 """
 
 from collections import deque
@@ -19,42 +19,42 @@ from drivers.base.progress_monitor import moved
 from drivers.base.seen_points import flaw_of
 
 INTERVAL, MAX_INTERVAL = 1.0, 2.0
-"""Seconds between the two looks that are compared, at least and at most."""
+"""Shortest and longest time in seconds between two compared scans."""
 
 MIN_WAY, MIN_TURN = 0.1, 0.25
-"""Metres and radians that the base believes to have moved between them."""
+"""Motion by odometry in metres and radians from which on two scans are compared."""
 
 TOLERANCE, TOLERANCE_SHARE = 0.03, 0.03
-"""Metres, and share of the distance, by which a distance that has not changed may differ."""
+"""Noise of an unchanged distance: in metres, and as a share of the distance."""
 
 CHANGE, CHANGE_SHARE = 0.08, 0.06
-"""Metres, and share of the distance, by which a beam must change by the motion to tell of it."""
+"""Expected change by the motion from which on a beam is significant: in metres, and as a share of the distance."""
 
 MIN_BEAMS, MIN_BEAMS_SHARE = 20, 0.15
-"""Beams that must tell, and their share of those that measured twice: in a corridor few do."""
+"""Smallest number of significant beams, and their share of all valid beams: in a corridor few are significant."""
 
 MIN_ANGLE = 0.7
-"""Radians that those beams cover together, at least: less may be a person or a thing that moves along with the base."""
+"""Angle in radians that significant beams cover at least: less may be a person who moves along with the base."""
 
 OWN_PARTS = 0.02
-"""Metres outside of the outline up to which a point is a part of the robot."""
+"""Distance in metres from the outline up to which a point is a part of the robot."""
 
 AGREE, DISAGREE = 0.8, 0.3
-"""Share of those beams that must fit another motion than the believed one, and share that may fit the believed one."""
+"""Share of significant beams that must fit another motion, and share that may fit the odometry."""
 
 TURN_SHARE = 0.3
-"""Share of the believed turn that an IMU must see at least; as much to the other side is a turn the other way."""
+"""Smallest share of the turn by odometry that an IMU must measure; the negative share is an opposite turn."""
 
 CONFIRMATIONS = 2
-"""Scans in a row that must say so."""
+"""Number of consecutive comparisons that make a fault."""
 
 IMU_TURN = 0.35
-"""Radians that the base believes to have turned before an IMU is asked."""
+"""Turn by odometry in radians from which on the IMU is compared."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Look:
-    """What was measured at a time, and where the base believed to be."""
+    """A scan with its time, and the pose by odometry."""
 
     at: float
     pose: Pose2D
@@ -62,7 +62,7 @@ class _Look:
 
 
 class ScanWitness:
-    """Compares scans of a ``ranger`` about a second apart, without the robot's own parts in its ``outline``."""
+    """Compares scans of ``ranger`` about a second apart with the odometry; points within ``outline`` are ignored."""
 
     def __init__(self, ranger: Ranger, outline: Outline) -> None:
         self._ranger, self._outline = ranger, outline
@@ -72,12 +72,12 @@ class ScanWitness:
         self._times = 0
 
     def restart(self) -> None:
-        """Forget all scans."""
+        """Drop all scans."""
         self._looks.clear()
         self._said, self._times = "", 0
 
     def compare(self, now: float, state: BaseState) -> MotionFault | None:
-        """Look at the newest scan; return a fault once scans say that the base does not move as it believes."""
+        """Read the newest scan; return a fault if scans contradict the odometry."""
         reading = self._ranger.scan()
         scan = reading.value
         if scan is None or not reading.good or scan.number == self._number:
@@ -108,7 +108,7 @@ class ScanWitness:
         return MotionFault(what, "free its wheels; look at motors, encoders and their cables, and at the range finder")
 
     def _outside(self, ranges: Ranges, bearings: Floats) -> Floats:
-        """Return the distances of whatever is outside of the robot; NaN where a beam hits it, or nothing."""
+        """Return the distances of objects beside the robot; NaN for beams that hit the robot, or nothing."""
         far = np.where(np.isfinite(ranges), ranges, np.nan).astype(np.float64)
         ahead, left, _ = self._ranger.place
         here = PathPoses(np.zeros(1), np.zeros(1), np.zeros(1))
@@ -118,7 +118,7 @@ class ScanWitness:
 
 
 def _verdict(before: _Look, after: _Look, bearings: Floats) -> str:
-    """Say what two scans tell of a motion other than the believed one, or nothing."""
+    """Return the motion that two scans show against the odometry, as text; empty if there is none."""
     motion = moved(before.pose, after.pose)
     if abs(motion.linear) < MIN_WAY and abs(motion.angular) < MIN_TURN:
         return ""
@@ -140,7 +140,7 @@ def _verdict(before: _Look, after: _Look, bearings: Floats) -> str:
 
 
 def _agreement(one: Floats, other: Floats, where: NDArray[np.bool_]) -> float:
-    """Return the share of beams at which two scans are the same."""
+    """Return the share of beams in which two scans agree."""
     if not where.any():
         return 0.0
     off = np.abs(one[where] - other[where])
@@ -148,7 +148,7 @@ def _agreement(one: Floats, other: Floats, where: NDArray[np.bool_]) -> float:
 
 
 def _predicted(ranges: Floats, bearings: Floats, way: float, turn: float) -> Floats:
-    """Return what a scan becomes after a motion of the base; NaN where nothing is known."""
+    """Return the scan that is expected after a motion of the base; NaN if unknown."""
     x = ranges * np.cos(bearings) - way * np.cos(turn / 2)
     y = ranges * np.sin(bearings) - way * np.sin(turn / 2)
     seen, found = np.arctan2(y, x) - turn, np.full(len(ranges), np.nan)
@@ -162,7 +162,7 @@ def _predicted(ranges: Floats, bearings: Floats, way: float, turn: float) -> Flo
 
 
 class ImuWitness:
-    """Compares the turn that the base believes in with the yaw of an ``imu``."""
+    """Compares turns by odometry with the yaw of ``imu``."""
 
     def __init__(self, imu: Imu) -> None:
         self._imu = imu
@@ -171,12 +171,12 @@ class ImuWitness:
         self._looks: deque[tuple[float, float, float]] = deque(maxlen=128)  # time, heading, turned by the IMU
 
     def restart(self) -> None:
-        """Forget all turns."""
+        """Drop all turns."""
         self._yaw = None
         self._looks.clear()
 
     def compare(self, now: float, state: BaseState) -> MotionFault | None:
-        """Take the newest yaw; return a fault if the IMU does not turn as the base believes."""
+        """Read the newest yaw; return a fault if it contradicts the turn by odometry."""
         reading = self._imu.attitude()
         if reading.value is None or not reading.good:
             self.restart()

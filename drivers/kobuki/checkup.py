@@ -1,4 +1,4 @@
-"""How a Kobuki is, at rest: its battery, its firmware, what it feels, and how steadily it reports."""
+"""Check-up of a Kobuki at rest: battery, firmware, contacts, gyro and rate of reports."""
 
 from collections.abc import Iterator
 from math import radians
@@ -14,17 +14,17 @@ from drivers.kobuki.odometry import EMPTY_VOLTAGE, LOW_VOLTAGE
 from drivers.kobuki.wire import FrameFinder, Part, decode, encode
 
 LISTEN = 1.5
-"""Seconds in which 75 reports come, enough to measure the drift of its gyro to 0.01 deg/s."""
+"""Seconds of reading: 75 reports, enough to measure the drift of the gyro to 0.01 deg/s."""
 
 STEADY = 0.9
-"""The share of its 50 reports a second that must come."""
+"""Smallest share of the 50 reports per second that must arrive."""
 
 LATE = 0.05
-"""Seconds that a virtual base may be late."""
+"""Additional timeout in seconds for a virtual base."""
 
 
 def checkup(keys: KobukiKeys, site: Site) -> Iterator[Finding]:
-    """Ask for its version, which moves nothing, and listen to its reports."""
+    """Request the version, which moves nothing, and read reports; yield the findings."""
     port = OpenedPort(site.port, site.clock, patience=LATE if site.virtual else 0.0)
     try:
         heard = port.ask(Ask(keys.baud, encode(RequestExtra(Extra.FIRMWARE)), LISTEN))
@@ -34,7 +34,7 @@ def checkup(keys: KobukiKeys, site: Site) -> Iterator[Finding]:
 
 
 def judged(parts: list[Part]) -> Iterator[Finding]:
-    """Say what the reports of ``LISTEN`` seconds tell."""
+    """Yield the findings from the reports of ``LISTEN`` seconds."""
     reports = [part for part in parts if isinstance(part, Core)]
     if not reports:
         yield wrong("reports", "it is silent", "switch it on; look at its battery, and at the USB cable")
@@ -71,7 +71,7 @@ def judged(parts: list[Part]) -> Iterator[Finding]:
 
 
 def _gyro(parts: list[Part], reports: list[Core], span: float) -> Iterator[Finding]:
-    """Judge the drift of its gyro, unless somebody pushes it."""
+    """Yield the finding on the drift of the gyro, unless the wheels turned."""
     turns = [part for part in parts if isinstance(part, Inertia)]
     stood = all(
         (each.left_encoder, each.right_encoder) == (reports[0].left_encoder, reports[0].right_encoder)

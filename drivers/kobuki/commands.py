@@ -1,6 +1,6 @@
-"""What the computer says to the Kobuki: each command as a value, to and from its bytes (protocol table of the vendor).
+"""Commands of the Kobuki protocol as values, to and from bytes (protocol table of the vendor).
 
-Pure. Packed by ``wire.encode``, read back (by the virtual base and by tests) with ``wire.decode(payload, COMMANDS)``.
+Pure. Encode them with ``wire.encode``; virtual base and tests decode with ``wire.decode(payload, COMMANDS)``.
 """
 
 from collections.abc import Mapping
@@ -12,17 +12,17 @@ from typing import ClassVar, Self
 from drivers.kobuki.wire import Part
 
 WHEEL_SEPARATION = 0.23
-"""Metres between the middles of the two wheels."""
+"""Distance of the wheels in metres."""
 
 _HALF = 1000 * WHEEL_SEPARATION / 2  # mm
-_EPSILON = 0.0001  # m/s and rad/s: slower than this is not at all
-_STRAIGHT, _SPIN = 0, 1  # the two radii that do not mean a circle
+_EPSILON = 0.0001  # m/s and rad/s: slower velocities are zero
+_STRAIGHT, _SPIN = 0, 1  # radii with a special meaning
 _NOTE_PERIOD = 0.00000275  # s
 
 
 @dataclass(frozen=True, slots=True)
 class BaseControl(Part):
-    """Drive: ``speed_mm`` in mm/s and ``radius_mm`` in mm; radius 0 is straight on, 1 turns on the spot.
+    """Command to drive: ``speed_mm`` in mm/s and ``radius_mm`` in mm. Radius 0 is straight on, 1 turns on the spot.
 
     A positive radius has its centre on the left. On a circle the speed is that of the outer wheel, with the sign of
     the radius times that of the turn.
@@ -49,7 +49,7 @@ class BaseControl(Part):
 
     @property
     def velocity(self) -> tuple[float, float]:
-        """What the base makes of it: m/s along x and rad/s about z."""
+        """Velocity of the base for this command: m/s along x and rad/s about z."""
         if self.radius_mm == _STRAIGHT:
             return self.speed_mm / 1000, 0.0
         if self.radius_mm == _SPIN:
@@ -60,7 +60,7 @@ class BaseControl(Part):
 
 @dataclass(frozen=True, slots=True)
 class Sound(Part):
-    """Play one tone: ``note`` is its period in steps of 2.75 microseconds."""
+    """Command to play a tone; ``note`` is its period in steps of 2.75 microseconds."""
 
     note: int
     duration_ms: int
@@ -74,7 +74,7 @@ class Sound(Part):
 
 
 class Tune(IntEnum):
-    """The tunes that the base knows by heart."""
+    """Built-in tunes of the base, by their number in the protocol."""
 
     ON = 0
     OFF = 1
@@ -87,7 +87,7 @@ class Tune(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class SoundSequence(Part):
-    """Play a ``Tune``."""
+    """Command to play a ``Tune``."""
 
     tune: int
     ID: ClassVar[int] = 4
@@ -95,7 +95,7 @@ class SoundSequence(Part):
 
 
 class Extra(IntFlag):
-    """What the base tells only when asked."""
+    """Flags of the values that the base sends only on request."""
 
     HARDWARE = 1
     FIRMWARE = 2
@@ -104,7 +104,7 @@ class Extra(IntFlag):
 
 @dataclass(frozen=True, slots=True)
 class RequestExtra(Part):
-    """Ask for the ``Extra`` things whose flags are set."""
+    """Request for the values whose ``Extra`` flags are set."""
 
     flags: int
     ID: ClassVar[int] = 9
@@ -112,9 +112,9 @@ class RequestExtra(Part):
 
 
 class Output(IntFlag):
-    """The bits of the one word that holds digital outputs (0..3), external supplies and the two lights.
+    """Bits of the output word: digital outputs, external supplies and the two lights.
 
-    Both bits of a light together make it orange.
+    Both bits of a light together are orange.
     """
 
     DIGITAL_0 = 0x0001
@@ -132,12 +132,12 @@ class Output(IntFlag):
 
 
 OUTPUTS_AT_START = Output.SUPPLY_3V3 | Output.SUPPLY_5V | Output.SUPPLY_12V_5A | Output.SUPPLY_12V_1A5
-"""All supplies on, all else off: what the base starts with. A lone bit written instead would switch them off."""
+"""Output word of a base that was just switched on: supplies on, the rest off. Each write must keep the supply bits."""
 
 
 @dataclass(frozen=True, slots=True)
 class SetOutputs(Part):
-    """Set all ``Output`` bits at once."""
+    """Command to set all ``Output`` bits."""
 
     word: int
     ID: ClassVar[int] = 12
@@ -146,7 +146,7 @@ class SetOutputs(Part):
 
 @dataclass(frozen=True, slots=True)
 class SetGains(Part):
-    """Set the gains of the wheel controller, in thousandths; ``user`` 0 goes back to the factory's. Firmware >= 1.2."""
+    """Command to set the gains of the wheel controller; ``user`` 0 restores the factory's. Firmware >= 1.2."""
 
     user: int
     p_thousandths: int = 100_000
@@ -158,7 +158,7 @@ class SetGains(Part):
 
 @dataclass(frozen=True, slots=True)
 class GetGains(Part):
-    """Ask for the gains of the wheel controller; the one byte is not used."""
+    """Request for the gains of the wheel controller; its byte is not used."""
 
     unused: int = 0
     ID: ClassVar[int] = 14
@@ -168,9 +168,9 @@ class GetGains(Part):
 COMMANDS: Mapping[int, type[Part]] = {
     kind.ID: kind for kind in (BaseControl, Sound, SoundSequence, RequestExtra, SetOutputs, SetGains, GetGains)
 }
-"""All commands by ID (the vendor's table prints 13 and 14 wrongly as 1)."""
+"""Commands by ID. The vendor's table has 1 for 13 and 14 by mistake."""
 
 
 def _whole(value: float) -> int:
-    """Truncate towards zero and clip to 16 bits with a sign."""
+    """Truncate towards zero and clip to a signed 16-bit integer."""
     return max(-0x8000, min(int(value), 0x7FFF))

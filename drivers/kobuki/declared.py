@@ -1,4 +1,4 @@
-"""The Kobuki as a driver of bases, and its keys in a robot file."""
+"""Declaration of the Kobuki driver, and its keys in a robot file."""
 
 from drivers.api.driver import Driver
 from drivers.api.keys import key, keys
@@ -7,7 +7,7 @@ from drivers.api.sections import BaseKeys, Wired
 
 @keys
 class KobukiKeys(BaseKeys, Wired):
-    """The ``base`` section of a robot on a Kobuki, with the limits of that base."""
+    """``base`` section of a robot on a Kobuki, with the limits of that base."""
 
     max_speed: float = key("speed", default=0.5, low=0.01, high=0.7, help="The highest speed.")
     max_turn: float = key("turn rate", default=1.9, low=0.01, high=3.2, help="The highest turn rate.")
@@ -18,7 +18,7 @@ KOBUKI = Driver(
     "base",
     "A Kobuki, the base of a TurtleBot 2.",
     KobukiKeys,
-    make="drivers.kobuki.make:make",
+    make="drivers.kobuki.driver:make",
     twin="drivers.sim.twins.making:base",
     virtual="drivers.virtual.making:kobuki",
     probe="drivers.kobuki.probe:probe",

@@ -1,282 +1,193 @@
-"""The Kobuki as a base: its velocity renewed while it is valid, its state up to date.
+"""Driver of the Kobuki: its protocol for ``drivers.base.diff_drive.DiffDriveBase``.
 
-The base reports 50 times a second, and is told after each report how to move: so a computer that hangs falls silent.
-The deadman, the limits and what the touch forbids are applied there, in the link's thread, whatever the caller does.
+The base reports 50 times a second. Distances come from the wheel encoders, headings from the gyro.
 """
 
-from contextlib import suppress
+from collections.abc import Mapping
 from dataclasses import replace
 from math import inf
-from threading import RLock
+from types import MappingProxyType
 from typing import Unpack
 
-from drivers.api import (
-    STILL,
-    BaseState,
-    DeviceStatus,
-    Health,
-    Lamp,
-    Quality,
-    Reading,
-    Source,
-    Tune,
-    Velocity,
-)
-from drivers.base.arbitrated import Settings, SteeredBase
+from drivers.api import STILL, BaseState, Lamp, Tune, Velocity
+from drivers.api.driver import Site
+from drivers.api.quick import dataclass
+from drivers.base.arbitrated import BaseSettings, settings_of
+from drivers.base.diff_drive import DiffDriveBase, DiffDriveProtocol, Parsed, Timing
 from drivers.base.progress_monitor import Instruments
-from drivers.base.requests import check_light, check_tone
 from drivers.clock import Clock
-from drivers.errors import NotConnected
-from drivers.kobuki.commands import BaseControl, RequestExtra, SetOutputs, Sound, SoundSequence
-from drivers.kobuki.listener import Identity, Listener
-from drivers.kobuki.outputs import TUNES, Outputs
-from drivers.kobuki.wire import encode
+from drivers.kobuki import commands
+from drivers.kobuki.commands import (
+    OUTPUTS_AT_START,
+    BaseControl,
+    Extra,
+    Output,
+    RequestExtra,
+    SetOutputs,
+    Sound,
+    SoundSequence,
+)
+from drivers.kobuki.declared import KobukiKeys
+from drivers.kobuki.feedback import FEEDBACK, Core, DockInfrared, FirmwareVersion, HardwareVersion, Inertia, UniqueId
+from drivers.kobuki.odometry import Senses
+from drivers.kobuki.wire import FrameFinder, decode, encode
+from drivers.transport.delays import Delays
 from drivers.transport.link import Link
 
-
-class Panel:
-    """Commands that do not move the base, sent over ``link``. Safe between threads, which ``lock`` is for."""
-
-    def __init__(self, name: str, link: Link, lock: "RLock") -> None:
-        self._name = name
-        self._link = link
-        self._lock = lock
-        self._outputs = Outputs()
-
-    def play(self, tune: Tune) -> None:
-        """Play one of the tunes that the base knows. Raises NotConnected."""
-        self._link.write(encode(SoundSequence(TUNES[tune])))
-
-    def tone(self, frequency: float, seconds: float) -> None:
-        """Play one tone of ``frequency`` hertz, for 0.255 s at most. Raises BadRequest, NotConnected."""
-        check_tone(self._name, frequency, seconds)
-        self._link.write(encode(Sound.of(frequency, seconds)))
-
-    def light(self, number: int, colour: Lamp) -> None:
-        """Switch light 1 or 2. Raises BadRequest for another, NotConnected."""
-        check_light(self._name, number)
-        with self._lock:
-            self._outputs.light(number, colour)
-            self._link.write(encode(SetOutputs(self._outputs.word)))
-
-    def restore(self) -> None:
-        """Switch everything as it was told so far, for a base that may have been off meanwhile. Raises NotConnected."""
-        with self._lock:
-            self._link.write(encode(SetOutputs(self._outputs.word)))
-
-
 STALE_AFTER = 0.1
-"""Seconds after which a report no longer counts as fresh: five were missed."""
+"""Seconds after which a report is stale: five were missed."""
 
-SILENT_AFTER = 0.25
-"""Seconds without a report after which the base counts as offline and is told to stand still. The vendor's driver
-takes 0.1 s, which a loaded computer exceeds by itself."""
+OFFLINE_AFTER = 0.25
+"""Seconds without a report after which the base is offline and stopped. The vendor's driver takes 0.1 s, which a
+loaded computer exceeds by itself."""
 
 FRAME_TIME = 0.0075
-"""Seconds that a report is on the wire (87 bytes at 115200 baud): it was measured this long before it arrived. The USB
-adapter adds 1 ms with its latency timer set, else up to 16, which cannot be known here. The 0.2 s from a command to
-the motion do not matter: the heading is measured, not computed from commands."""
-
-RENEWAL = 0.04
-"""Seconds after which the command is renewed though no report has come."""
-
-RESTING = 0.2
-"""Seconds from one renewal to the next while the base stands and is to stand."""
-
-SETTLED = 0.5
-"""Seconds for which standing still is renewed at every report before that: commands may be lost on the wire."""
+"""Seconds that a report is on the wire (87 bytes at 115200 baud). The USB adapter adds 1 ms with its latency timer set,
+else up to 16 ms, which cannot be known here."""
 
 DOZE = 0.06
-"""Seconds for which reports gather while it stands and nobody wants it to move: three, read and thought about at once.
-A command wakes it."""
+"""Seconds for which reports gather while the base rests: three are read at once, which saves CPU time. A command wakes
+the thread."""
 
-TIMES = 6
-"""How often each of these renewals says it. A header that the wire has damaged may claim the next 256 bytes (see
-``FrameFinder``): so five renewals are more than it can swallow. They are 60 bytes each, 5 ms on the wire."""
+STOP_REPEATS = 6
+"""Copies of each stop. A damaged header may claim the next 256 bytes (see ``FrameFinder``), and five renewals are more
+than that. Six copies are 60 bytes, 5 ms on the wire."""
 
-ENOUGH = 5
-"""How often it is said at last, at once: nothing follows that could free a stop which was swallowed."""
-
-ASKING = 0.5
-"""Seconds between questions for what the base has not yet told of itself."""
+QUERY_INTERVAL = 0.5
+"""Seconds between two requests for versions and ID that the base has not sent yet."""
 
 FIRMWARE_MAJOR = 1
 """The one generation of the firmware that speaks this protocol."""
 
+TUNES: Mapping[Tune, commands.Tune] = MappingProxyType({tune: commands.Tune[tune.name] for tune in Tune})
 
-class KobukiBase(SteeredBase, Panel):
-    """A ``drivers.api.Base`` over a link at ``wire.BAUD``, which it owns: nobody else opens, writes or closes it.
+LIGHTS: Mapping[int, tuple[Output, Output]] = MappingProxyType(
+    {1: (Output.LED1_RED, Output.LED1_GREEN), 2: (Output.LED2_RED, Output.LED2_GREEN)}
+)
+"""Red and green output of each light; both together are orange."""
 
-    Callbacks are called from the link's thread, and must return at once.
-    """
+
+def make(keys: KobukiKeys, site: Site) -> DiffDriveBase:
+    """Return the driver of a robot file's section."""
+    link = Link("base", site.port, keys.baud, report=site.report)
+    return kobuki_base(link, site.clock, **settings_of(keys, site))
+
+
+def kobuki_base(link: Link, clock: Clock, **settings: Unpack[BaseSettings]) -> DiffDriveBase:
+    """Return the driver over ``link``, which it owns."""
+    return DiffDriveBase(link, clock, KobukiProtocol(), **settings)
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Versions and ID of a base; None if the base has not sent them on this connection."""
+
+    hardware: HardwareVersion | None = None
+    firmware: FirmwareVersion | None = None
+    unique_id: UniqueId | None = None
+
+    @property
+    def missing(self) -> Extra:
+        """Flags of the values to request."""
+        known = {Extra.HARDWARE: self.hardware, Extra.FIRMWARE: self.firmware, Extra.UNIQUE_ID: self.unique_id}
+        return Extra(sum(flag for flag, value in known.items() if value is None))
+
+
+class KobukiProtocol(DiffDriveProtocol):
+    """Protocol of the Kobuki. ``identity`` and ``counters`` may be read from any thread."""
 
     instruments = Instruments("encoders", "gyro")
+    timing = Timing(stale_after=STALE_AFTER, offline_after=OFFLINE_AFTER, report_delay=FRAME_TIME, doze=DOZE)
+    model = "a Kobuki"
 
-    def __init__(self, link: Link, clock: Clock, **settings: Unpack[Settings]) -> None:
-        SteeredBase.__init__(self, clock, **settings)
-        Panel.__init__(self, self.name, link, self._lock)
-        self._closing = False
-        self._listener = Listener()
-        # Written by the link's thread alone, and replaced, never altered: any thread may read them.
-        self._latest: Reading[BaseState] = Reading(None, -inf, Quality.NONE)
-        self._connected_at = self._heard_at = self._bytes_at = -inf
-        self._renewed_at = self._sent_at = self._moved_at = self._asked_at = -inf
-        self._silent = self._dozing = False
+    def __init__(self) -> None:
+        self.identity = Identity()
+        self._outputs = OUTPUTS_AT_START
+        self._finder = FrameFinder()
+        self._senses = Senses()
+        self._unknown = self._malformed = 0
+        self._report_gaps = Delays()
+        self._reported_at: float | None = None
+        self._queried_at = -inf
 
-    @property
-    def identity(self) -> Identity:
-        """Versions and unique ID, as far as the base has told them."""
-        return self._listener.identity
+    def restart(self) -> None:
+        self.identity = Identity()  # it may be another base
+        self._finder.clear()
+        self._reported_at, self._queried_at = None, -inf
+        self._senses.odometry.anchor()
 
-    def open(self) -> None:
-        """Start looking for the base; returns at once, whether it is there or not."""
-        with self._lock:
-            self._closing = False
-            self._mux.absence.begin()
-        self._link.open(self)
+    def greet(self) -> bytes:
+        return encode(SetOutputs(self._outputs))  # a base that was off has its lights off
 
-    def state(self) -> Reading[BaseState]:
-        """The newest report; stale when it was measured more than ``STALE_AFTER`` ago, and ``DOZE`` more at rest."""
-        latest, now = self._latest, self._clock.now()
-        if latest.value is None:
-            return replace(latest, stamp=now)
-        fresh = now - latest.stamp <= STALE_AFTER + DOZE * self._dozing
-        return latest if fresh else replace(latest, quality=Quality.STALE)
+    def query(self, now: float) -> bytes:
+        if not self.identity.missing or now - self._queried_at < QUERY_INTERVAL:
+            return b""
+        self._queried_at = now
+        return encode(RequestExtra(self.identity.missing))
 
-    def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
-        """See ``SteeredBase.drive``; a base that stands is told with its next report."""
-        accepted = super().drive(velocity, source=source)
-        if self._dozing and accepted != STILL:
-            self._link.wake()
-        return accepted
+    def parse(self, data: bytes, now: float) -> Parsed:
+        known = self.identity.firmware
+        found = (self._read(payload, now) for payload in self._finder.feed(data))
+        parsed = Parsed([state for state in found if state is not None])
+        if parsed.states:
+            if self._reported_at is not None:
+                self._report_gaps.add(now - self._reported_at)
+            self._reported_at = now
+        firmware = self.identity.firmware
+        if firmware is not None and firmware is not known and firmware.major != FIRMWARE_MAJOR:
+            parsed.faults.append((f"firmware {firmware}, not 1.x", "update it to 1.2.0"))
+        return parsed
 
-    def close(self) -> None:
-        """Stand still, end the thread and release the port. Safe from any state, more than once."""
-        with self._lock:
-            self._closing = True  # from here on every renewal is a zero as well
-        try:
-            self._stop_for_good()
-        finally:
-            self._link.close()
+    def drive(self, velocity: Velocity, now: float) -> bytes:
+        del now
+        self._senses.odometry.commanded = velocity != STILL
+        return encode(BaseControl.of(velocity.linear, velocity.angular))
 
-    def health(self) -> Health:
-        """Say whether reports of the base arrive, and the figures of its wire."""
-        link = self._link.health()
-        counters = {**link.counters, **self._listener.counters(), **self._mux.waits.counters("command")}
-        now, returned = self._clock.now(), self._mux.absence.returned
-        if self._hears(now) and link.online:
-            return Health(True, counters=counters, returned=returned)
-        detail, hint = self._silence(now) if link.online else (link.detail, link.hint)
-        return Health(False, detail, hint, counters, returned)
+    def stop(self, now: float) -> bytes:
+        return self.drive(STILL, now) * STOP_REPEATS
 
-    # What follows is drivers.transport.link.Talker, called from the link's thread.
+    def play(self, tune: Tune) -> bytes:
+        return encode(SoundSequence(TUNES[tune]))
 
-    def connected(self) -> None:
-        """Begin anew on a port just opened: nothing of before is in force, but the pose goes on from where it was."""
-        with self._lock:
-            self._mux.halt()
-        self._listener.restart()
-        self._connected_at = self._moved_at = self._clock.now()  # it may move, by whoever had the port before
-        self._asked_at = -inf
-        self._silent = False
-        self.restore()
+    def tone(self, frequency: float, seconds: float) -> bytes:
+        return encode(Sound.of(frequency, seconds))
 
-    def received(self, data: bytes) -> None:
-        """Take what the base says, obey what it feels at once, then tell of it."""
-        now = self._bytes_at = self._clock.now()
-        before, known = self._latest.value, self.identity.firmware
-        states = self._listener.feed(data, now - FRAME_TIME)
-        if states:
-            self._latest = Reading(states[-1], now - FRAME_TIME, Quality.GOOD)
-            self._remember(self._latest.stamp, states[-1].pose)
-            with self._lock:
-                self._mux.hear(now)
-                for state in states:  # a read may bring several, and a contact may last for one
-                    self._mux.feel(state, now)
-            self._heard_at = now  # last: who sees it online also sees its state
-            self._renew(now)
-            self._tell_return(f"{self._link.port}: the base reports again")
-            self._tell(before, states)
-        told = self.identity.firmware
-        if told is not None and told is not known and told.major != FIRMWARE_MAJOR:
-            self._report(DeviceStatus(self.name, "fault", f"firmware {told}, not 1.x", "update it to 1.2.0"))
+    def light(self, number: int, colour: Lamp) -> bytes:
+        red, green = LIGHTS[number]
+        for output, colours in ((red, (Lamp.RED, Lamp.ORANGE)), (green, (Lamp.GREEN, Lamp.ORANGE))):
+            self._outputs = self._outputs | output if colour in colours else self._outputs & ~output
+        return encode(SetOutputs(self._outputs))
 
-    def pulse(self) -> float | None:
-        """Renew the command though nothing arrives, ask what is not known yet, notice silence; doze where it rests."""
-        now = self._clock.now()
-        if now - self._renewed_at >= RENEWAL:
-            self._renew(now)
-        if self.identity.missing and now - self._asked_at >= ASKING:
-            self._asked_at = now
-            self._link.write(encode(RequestExtra(self.identity.missing)))
-        if not self._silent and now - max(self._connected_at, self._heard_at) > SILENT_AFTER:
-            self._silent = True
-            self._report(DeviceStatus(self.name, "offline", *self._silence(now)))
-        self._dozing = self._heard_at == self._bytes_at and now - self._heard_at < RENEWAL and self._rests(now)
-        return DOZE if self._dozing and not self._mux.waiting else None
+    def counters(self) -> Mapping[str, int]:
+        return {
+            "frames": self._finder.frames,
+            "checksum_errors": self._finder.checksum_errors,
+            "skipped_bytes": self._finder.skipped_bytes,
+            "unknown_parts": self._unknown,
+            "malformed_parts": self._malformed,
+            **self._report_gaps.counters("report_gap"),
+        }
 
-    def _rests(self, now: float) -> bool:
-        """Whether it has long stood, and is to stand; who counts the shortest of absences wants every report."""
-        mux = self._mux
-        long_stood = now - self._moved_at >= SETTLED and mux.absence.shortest > 3 * DOZE
-        return long_stood and not mux.alert and not self.identity.missing
-
-    def ending(self) -> None:
-        """Stand still, as the last word of a thread that may have been cut short."""
-        self._stop_for_good()
-
-    def _stop_for_good(self) -> None:
-        for _ in range(ENOUGH):
-            self.stop()
-
-    def _renew(self, now: float) -> None:
-        """Send the velocity that is due, unless the base has long been told to stand, and lately.
-
-        Raises NotConnected, which tells the link to look for the port again.
-        """
-        with self._lock, self._standing_on_error():
-            felt = self._latest.value if self._hears(now) else None
-            if self._closing:
-                self._mux.halt()
-            velocity = self._mux.velocity(now, felt)
-            if velocity != STILL:
-                self._moved_at = now
-            if now - self._moved_at < SETTLED:
-                self._send(velocity, TIMES if velocity == STILL else 1)
-            elif now - self._sent_at >= RESTING:
-                self._send(velocity)
-            steering = self._mux.steering
-        self._renewed_at = now
-        self._tell_steering(steering)
-
-    def _send(self, velocity: Velocity, times: int = 1) -> None:
-        self._listener.commanded(moves=velocity != STILL)
-        self._sent_at = self._clock.now()
-        self._link.write(encode(BaseControl.of(velocity.linear, velocity.angular)) * times)
-
-    def _hears(self, now: float) -> bool:
-        """True while reports arrive on this connection."""
-        return self._heard_at >= self._connected_at and now - self._heard_at <= SILENT_AFTER
-
-    @property
-    def _newest(self) -> BaseState | None:
-        return self._latest.value
-
-    def _unheard(self, now: float) -> NotConnected | None:
-        """Say why a command cannot be taken."""
-        if self._link.online and self._hears(now):
-            return None
-        link = self._link.health()
-        detail, hint = self._silence(now) if link.online else (link.detail, link.hint)
-        return NotConnected(detail, hint=hint)
-
-    def _stand(self) -> None:
-        with suppress(NotConnected):
-            self._send(STILL, TIMES)
-
-    def _silence(self, now: float) -> tuple[str, str]:
-        """Say what is the matter with an open port without reports, and what to try."""
-        who = f"{self.name}: {self._link.port}"
-        if now - self._bytes_at > SILENT_AFTER:
-            return f"{who}: open but silent; is the base switched on?", "switch the base on; then look at its cable"
-        return f"{who}: bytes arrive, but no report of a Kobuki", f"is it the right port, at {self._link.baud} baud?"
+    def _read(self, payload: bytes, now: float) -> BaseState | None:
+        """Return the state of one frame; None if the frame has none."""
+        decoded = decode(payload, FEEDBACK)
+        self._unknown += decoded.unknown
+        self._malformed += decoded.malformed
+        core: Core | None = None
+        inertia: Inertia | None = None
+        dock: DockInfrared | None = None
+        for part in decoded.parts:
+            match part:
+                case Core():
+                    core = part
+                case Inertia():
+                    inertia = part
+                case DockInfrared():
+                    dock = part
+                case HardwareVersion():
+                    self.identity = replace(self.identity, hardware=part)
+                case FirmwareVersion():
+                    self.identity = replace(self.identity, firmware=part)
+                case UniqueId():
+                    self.identity = replace(self.identity, unique_id=part)
+        return self._senses.update(core, inertia, now, dock)

@@ -1,7 +1,7 @@
-"""What the Kobuki says: each sub-payload as a value, to and from its bytes (protocol table of the vendor).
+"""Reports of the Kobuki: each sub-payload as a value, to and from bytes (protocol table of the vendor).
 
-Pure. Fields are the raw integers of the wire, properties are in SI units. Read with
-``wire.decode(payload, FEEDBACK)``; packed (by the virtual base and by tests) with ``wire.encode``.
+Pure. Fields are the raw integers of the wire, properties are in SI units. Decode with
+``wire.decode(payload, FEEDBACK)``; virtual base and tests encode with ``wire.encode``.
 """
 
 from collections.abc import Mapping
@@ -14,14 +14,14 @@ from typing import ClassVar, Self
 from drivers.kobuki.wire import Part
 
 METRES_PER_TICK = 0.0000852920905
-"""How far a wheel rolls for one tick of its encoder."""
+"""Travel of a wheel for one tick of its encoder."""
 
 GYRO_STEP = radians(0.00875)
-"""rad/s for one step of the raw gyro."""
+"""Step of the raw gyro in rad/s."""
 
 
 class Side(IntFlag):
-    """The bits of bumper and cliff."""
+    """Bits of bumper and cliff."""
 
     RIGHT = 1
     CENTRE = 2
@@ -29,11 +29,11 @@ class Side(IntFlag):
 
 
 DROPPED_RIGHT, DROPPED_LEFT = 1, 2
-"""The bits of the wheel drop, which are not those of ``Side``."""
+"""Bits of the wheel drop; they differ from ``Side``."""
 
 
 class Charger(IntFlag):
-    """The bits of the charger: 0 discharging, 2 dock and full, 6 dock charging, 18 adapter and full, 22 charging."""
+    """Bits of the charger: 0 discharging, 2 dock and full, 6 dock charging, 18 adapter and full, 22 charging."""
 
     POWERED = 0x02
     CHARGING = 0x04
@@ -41,12 +41,12 @@ class Charger(IntFlag):
 
 
 _POWERED, _CHARGING, _ADAPTER = (flag.value for flag in Charger)
-"""As plain numbers, whose arithmetic takes a fraction of the time: a report comes 50 times a second."""
+"""Plain integers, which are faster than flags: 50 reports arrive per second."""
 
 
 @dataclass(frozen=True, slots=True)
 class Core(Part):
-    """The report that comes in every frame. Encoders rise forward and wrap at 16 bits, as does the time."""
+    """Report in every frame. Encoders count up forward; they and the time wrap at 16 bits."""
 
     time_ms: int = 0
     bumper: int = 0
@@ -65,17 +65,17 @@ class Core(Part):
 
     @property
     def voltage(self) -> float:
-        """The battery in volts."""
+        """Battery voltage in volts."""
         return self.battery_decivolts / 10
 
     @property
     def full(self) -> bool:
-        """True when the base is on external power and charges no more."""
+        """True if the base has external power and does not charge any more."""
         return bool(self.charger & _POWERED) and not self.charging
 
     @property
     def charging(self) -> bool:
-        """True while the battery is charged."""
+        """True while the battery is charging."""
         return bool(self.charger & _CHARGING)
 
     @property
@@ -86,7 +86,7 @@ class Core(Part):
 
 @dataclass(frozen=True, slots=True)
 class DockInfrared(Part):
-    """What each receiver sees of the dock: 1, 2, 4 near left, centre, right; 8, 16, 32 far centre, left, right."""
+    """Beams of the dock at each receiver: 1, 2, 4 near left, centre, right; 8, 16, 32 far centre, left, right."""
 
     right: int = 0
     centre: int = 0
@@ -97,7 +97,7 @@ class DockInfrared(Part):
 
 @dataclass(frozen=True, slots=True)
 class Inertia(Part):
-    """Heading and rate of turn by the gyro, anticlockwise positive, in hundredths of a degree (per second)."""
+    """Heading and turn rate of the gyro, anticlockwise positive, in hundredths of a degree (per second)."""
 
     heading_cdeg: int = 0
     rate_cdeg: int = 0
@@ -106,13 +106,13 @@ class Inertia(Part):
 
     @property
     def rate(self) -> float:
-        """The rate of turn in rad/s."""
+        """Turn rate in rad/s."""
         return radians(self.rate_cdeg / 100)
 
 
 @dataclass(frozen=True, slots=True)
 class CliffDistance(Part):
-    """What the floor sensors measure: 12 bits, for 2 to 15 cm, not linear."""
+    """Raw values of the floor sensors: 12 bits for 2 to 15 cm, not linear."""
 
     right: int = 0
     centre: int = 0
@@ -123,7 +123,7 @@ class CliffDistance(Part):
 
 @dataclass(frozen=True, slots=True)
 class MotorCurrent(Part):
-    """The wheel motors' current in steps of 10 mA; the vendor's table says 2 bytes each, the wire has 1."""
+    """Currents of the wheel motors in steps of 10 mA. The vendor's table has 2 bytes each, the wire has 1."""
 
     left_10ma: int = 0
     right_10ma: int = 0
@@ -133,7 +133,7 @@ class MotorCurrent(Part):
 
 @dataclass(frozen=True, slots=True)
 class Version(Part):
-    """Patch, minor and major number, least first as on the wire."""
+    """Version number, in the order of the wire."""
 
     patch: int
     minor: int
@@ -142,7 +142,7 @@ class Version(Part):
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Read it; old firmware sends two bytes with a number of its own. Raises as ``Part.unpack``."""
+        """Decode it; old firmware sends a two-byte number instead. Raises as ``Part.unpack``."""
         if len(data) == 2:
             number = int.from_bytes(data, "little")
             if number not in _OLD_VERSIONS:
@@ -158,20 +158,20 @@ _OLD_VERSIONS = {123: (0, 0, 1), 110: (0, 1, 1), 10100: (0, 1, 1), 111: (1, 1, 1
 
 
 class HardwareVersion(Version):
-    """Which board it is; told when asked."""
+    """Version of the board; sent on request."""
 
     ID: ClassVar[int] = 10
 
 
 class FirmwareVersion(Version):
-    """Which firmware it runs; told when asked."""
+    """Version of the firmware; sent on request."""
 
     ID: ClassVar[int] = 11
 
 
 @dataclass(frozen=True, slots=True)
 class RawGyro(Part):
-    """The gyro's last two or three samples (100 Hz) as x, y, z of the chip, in steps of 0.00875 degrees/s."""
+    """Last two or three samples of the gyro (100 Hz): x, y, z of the chip, in steps of 0.00875 degrees/s."""
 
     number: int
     samples: tuple[tuple[int, int, int], ...]
@@ -179,17 +179,17 @@ class RawGyro(Part):
 
     @property
     def rates(self) -> tuple[tuple[float, float, float], ...]:
-        """The samples in rad/s about the robot's x, y, z; the chip is mounted a quarter turn round."""
+        """Samples in rad/s about x, y, z of the robot. The chip is mounted at a right angle."""
         return tuple((-y * GYRO_STEP, x * GYRO_STEP, z * GYRO_STEP) for x, y, z in self.samples)
 
     def pack(self) -> bytes:
-        """Return the data of the part. Raises struct.error for a value out of range."""
+        """Encode the data. Raises struct.error for a value out of range."""
         values = [value for sample in self.samples for value in sample]
         return pack(f"<BB{len(values)}h", self.number, len(values), *values)
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Read the part. Raises ValueError when the count does not agree with the length, or is no multiple of 3."""
+        """Decode the data. Raises ValueError unless the count fits the length and is a multiple of 3."""
         if len(data) < 2 or data[1] % 3 or len(data) != 2 + 2 * data[1]:
             raise ValueError(f"raw gyro: {len(data)} bytes do not agree with their count")
         values = iter(unpack(f"<{data[1]}h", data[2:]))
@@ -198,7 +198,7 @@ class RawGyro(Part):
 
 @dataclass(frozen=True, slots=True)
 class Inputs(Part):
-    """The user's sockets: four digital bits, and four analogue values 0..4095 for 0..3.3 V."""
+    """Input sockets for users: four digital bits, and four analogue values 0..4095 for 0..3.3 V."""
 
     digital: int = 0
     analogue_0: int = 0
@@ -211,7 +211,7 @@ class Inputs(Part):
 
 @dataclass(frozen=True, slots=True)
 class UniqueId(Part):
-    """The three words that tell one base from another; told when asked."""
+    """Unique ID of a base; sent on request."""
 
     first: int
     second: int
@@ -222,7 +222,7 @@ class UniqueId(Part):
 
 @dataclass(frozen=True, slots=True)
 class Gains(Part):
-    """The gains of the wheel controller in thousandths; told when asked."""
+    """Gains of the wheel controller in thousandths; sent on request."""
 
     user: int = 0
     p_thousandths: int = 100_000
@@ -248,4 +248,4 @@ FEEDBACK: Mapping[int, type[Part]] = {
         Gains,
     )
 }
-"""All sub-payloads of the base by ID."""
+"""Sub-payloads of the base by ID."""

@@ -1,6 +1,6 @@
-"""From the reports of the Kobuki to the state of a base, and to what is worth telling of a change.
+"""State of a Kobuki from its reports.
 
-Where it is: distance from the wheels' encoders, heading from the gyro. Frames and signs as in REP 105, 103.
+Distances come from the encoders, headings from the gyro. Frames and signs are those of REP 105 and 103.
 """
 
 from functools import cache
@@ -12,34 +12,34 @@ from drivers.kobuki.commands import WHEEL_SEPARATION
 from drivers.kobuki.feedback import DROPPED_LEFT, DROPPED_RIGHT, METRES_PER_TICK, Core, DockInfrared, Inertia, Side
 
 GAP = 1.0
-"""Seconds without a report after which the encoders' difference means nothing: the base may have been switched off
-and on, and its counters begin anew; after 4 s at full speed they would also have wrapped unseen."""
+"""Seconds without a report after which differences of the encoders are not used: the base may have been switched off
+and on, which resets its counters. After 4 s at full speed they may also have wrapped."""
 
 
 class Odometry:
-    """Adds up the reports of the base. The pose starts at zero with the first report, whatever the gyro says then."""
+    """Odometry from reports. The pose starts at zero with the first report, at any heading of the gyro."""
 
     def __init__(self) -> None:
         self.pose = Pose2D(0.0, 0.0, 0.0)
         self.velocity = STILL
         self.commanded = False
-        """Whether the base is sent anything but to stand; set by whoever sends."""
+        """Whether the velocity that was last sent is not zero."""
         self.bias = GyroBias()
         self.odometers = Odometers(0.0, 0.0, 0.0, 0.0)
         self._last: tuple[Core, Inertia, float] | None = None
 
     def anchor(self) -> None:
-        """Take the next report as where the base is already: for one that may have counted anew meanwhile."""
+        """Keep the pose at the next report: the base may have reset its counters."""
         self._last = None
         self.velocity = STILL
 
     def update(self, core: Core, inertia: Inertia, now: float) -> None:
-        """Move on by the difference to the report before; ``now`` in seconds is when this one came."""
+        """Add the motion since the last report; ``now`` in seconds is the time of this report."""
         last, self._last = self._last, (core, inertia, now)
         if last is None:
             return
         core_before, inertia_before, before = last
-        # By the base's own clock: the computer may be given several reports at once.
+        # By the clock of the base: several reports may arrive at once.
         elapsed = ((core.time_ms - core_before.time_ms) & 0xFFFF) / 1000
         if max(elapsed, now - before) > GAP:
             self.velocity = STILL
@@ -56,13 +56,13 @@ class Odometry:
             self.velocity = Velocity(travel / elapsed, rate)
 
     def _count(self, left: float, right: float, turn: float) -> None:
-        """Add up the raw readings."""
+        """Update the raw odometers."""
         before = self.odometers
         left, right, gyro = before.left + left, before.right + right, (before.gyro or 0.0) + turn
         self.odometers = Odometers(left, right, (right - left) / WHEEL_SEPARATION, gyro)
 
     def _move(self, travel: float, turn: float) -> None:
-        """Go ``travel`` metres along the mean heading of a turn by ``turn`` radians: a chord of the arc."""
+        """Move the pose by ``travel`` metres along the chord of a turn by ``turn`` radians."""
         along = self.pose.heading + turn / 2
         self.pose = Pose2D(
             x=self.pose.x + travel * cos(along),
@@ -72,19 +72,19 @@ class Odometry:
 
 
 def _wrap(difference: int, period: int) -> int:
-    """Return the difference of two counters that wrap at ``period``, as the shorter way round."""
+    """Return the difference of two counters that wrap at ``period``: the smaller one in amount."""
     return (difference + period // 2) % period - period // 2
 
 
 FULL_VOLTAGE, EMPTY_VOLTAGE = 16.5, 13.2
 LOW_VOLTAGE = 14.0
-"""The vendor's driver calls the battery full, dangerously empty and low at these."""
+"""Voltages at which the vendor's driver calls the battery full, dangerously empty and low."""
 
 NO_DOCK = DockSignals()
 
 
 class Senses:
-    """Keeps what one report alone does not tell: the pose, the last heading, and how full the battery gets."""
+    """Combines reports into states: keeps the pose, the last heading, and the voltage of the full battery."""
 
     def __init__(self) -> None:
         self.odometry = Odometry()
@@ -95,9 +95,9 @@ class Senses:
     def update(
         self, core: Core | None, inertia: Inertia | None, now: float, dock: DockInfrared | None = None
     ) -> BaseState | None:
-        """Take the parts of one frame that came at ``now``; return the state, None when they do not make one.
+        """Return the state after the parts of one frame at ``now``; None if there is no state yet.
 
-        A frame whose inertial part was lost keeps the heading; the next one catches up.
+        A frame without its inertial part keeps the heading; the next frame catches up.
         """
         self._inertia = inertia or self._inertia
         self._dock = dock or self._dock
@@ -125,7 +125,7 @@ class Senses:
 
 
 def battery_percent(voltage: float, full_voltage: float = FULL_VOLTAGE) -> float:
-    """Return the charge in 0..100 percent by the straight line of the vendor's driver: 5 at empty, 100 at full."""
+    """Return the charge in 0..100 percent, by the linear rule of the vendor's driver: 5 if empty, 100 if full."""
     return min(max(5 + 95 * (voltage - EMPTY_VOLTAGE) / (full_voltage - EMPTY_VOLTAGE), 0.0), 100.0)
 
 

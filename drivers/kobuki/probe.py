@@ -1,4 +1,4 @@
-"""A Kobuki is recognised without a question: it sends a report fifty times a second."""
+"""Probe for a Kobuki: it is recognised by its reports, which it sends fifty times a second without a request."""
 
 from collections.abc import Generator
 
@@ -7,11 +7,11 @@ from drivers.kobuki.feedback import FEEDBACK, Core
 from drivers.kobuki.wire import BAUD, FrameFinder, decode
 
 LISTEN = 0.3
-"""Seconds in which fifteen reports come."""
+"""Seconds of reading: fifteen reports arrive."""
 
 
 def probe() -> Generator[Ask, bytes, Answer | None]:
-    """Listen for reports."""
+    """Recognise a Kobuki by two reports."""
     heard = yield Ask(BAUD, wait=LISTEN, enough=lambda heard: len(_reports(heard)) >= 2)
     reports = _reports(heard)
     return Answer(f"a Kobuki, its battery at {reports[-1].voltage:.1f} V") if reports else None

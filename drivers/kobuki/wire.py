@@ -1,7 +1,7 @@
-"""The frame of the Kobuki protocol, the same in both directions: ``AA 55 LEN payload CHK``.
+"""Frames of the Kobuki protocol, the same in both directions: ``AA 55 LEN payload CHK``.
 
-A payload is a row of parts (sub-payloads) ``ID SIZE data``. LEN counts the bytes of the payload, CHK is the XOR of LEN
-and the payload, and all numbers are little-endian. What the parts mean is in ``commands.py`` and ``feedback.py``.
+A payload is a sequence of parts (sub-payloads) ``ID SIZE data``. LEN counts the bytes of the payload, CHK is the XOR of
+LEN and the payload, and all numbers are little-endian. The parts are in ``commands.py`` and ``feedback.py``.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -12,36 +12,36 @@ from struct import Struct, error
 from typing import ClassVar, Self
 
 BAUD = 115200
-"""The one rate of the base, 8N1."""
+"""Baud rate of the base, 8N1; it is fixed."""
 
 HEADER = b"\xaa\x55"
 MIN_PAYLOAD, MAX_PAYLOAD = 3, 255
-"""How many bytes a payload may have."""
+"""Sizes of a payload in bytes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One sub-payload: its fields, in order, are what ``LAYOUT`` describes, as raw integers of the wire."""
+    """A sub-payload: its fields are the raw integers of the wire, in the order of ``LAYOUT``."""
 
     ID: ClassVar[int]
     LAYOUT: ClassVar[Struct]
 
     def pack(self) -> bytes:
-        """Return the data of the part, without ID and SIZE. Raises struct.error for a value out of range."""
+        """Encode the data, without ID and SIZE. Raises struct.error for a value out of range."""
         return self.LAYOUT.pack(*(getattr(self, field.name) for field in fields(self)))
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Read the part from its data. Raises struct.error or ValueError when it does not fit the layout."""
+        """Decode the data. Raises struct.error or ValueError if it does not fit the layout."""
         return cls(*cls.LAYOUT.unpack(data))
 
 
 @dataclass(frozen=True, slots=True)
 class Decoded:
-    """The parts of one payload that could be read, and how many could not.
+    """Valid parts of a payload, and the numbers of other parts.
 
-    ``unknown`` parts have an ID that is not asked for; ``malformed`` ones do not fit their layout, or are cut off by
-    the end of the payload.
+    ``unknown`` parts have an ID that was not looked for; ``malformed`` parts do not fit their layout, or exceed the
+    payload.
     """
 
     parts: tuple[Part, ...]
@@ -50,12 +50,12 @@ class Decoded:
 
 
 def checksum(data: bytes | bytearray) -> int:
-    """Return the XOR of all bytes: CHK for LEN and payload, and zero for LEN, payload and a CHK that agrees."""
+    """Return the XOR of all bytes: CHK for LEN and payload, zero for LEN, payload and the correct CHK."""
     return reduce(xor, data, 0)
 
 
 def frame(payload: bytes) -> bytes:
-    """Put header, length and checksum around a payload. Raises ValueError for one of an impossible length."""
+    """Return the frame of a payload. Raises ValueError for an invalid length."""
     if not MIN_PAYLOAD <= len(payload) <= MAX_PAYLOAD:
         raise ValueError(f"a Kobuki payload has {MIN_PAYLOAD} to {MAX_PAYLOAD} bytes, not {len(payload)}")
     body = bytes([len(payload)]) + payload
@@ -63,19 +63,19 @@ def frame(payload: bytes) -> bytes:
 
 
 def encode(*parts: Part) -> bytes:
-    """Return one frame with these parts. Raises struct.error or ValueError for what does not fit."""
+    """Return one frame with these parts. Raises struct.error or ValueError for values or lengths out of range."""
     return frame(b"".join(subpayload(part.ID, part.pack()) for part in parts))
 
 
 def subpayload(identifier: int, data: bytes) -> bytes:
-    """Put ID and SIZE before the data of a part."""
+    """Return a part with ID and SIZE before its data."""
     return bytes([identifier, len(data)]) + data
 
 
 def decode(payload: bytes, kinds: Mapping[int, type[Part]]) -> Decoded:
-    """Read the parts of a payload; ``kinds`` maps the IDs to look for to their classes.
+    """Decode the parts of a payload; ``kinds`` maps the IDs to look for to their classes.
 
-    Unknown and malformed parts are skipped by their own SIZE, and cost none of the others.
+    Unknown and malformed parts are skipped by their SIZE; the others are decoded.
     """
     parts: list[Part] = []
     unknown = malformed = 0
@@ -95,12 +95,12 @@ def decode(payload: bytes, kinds: Mapping[int, type[Part]]) -> Decoded:
 
 @lru_cache(maxsize=64)
 def _unpacked(unpack: Callable[[bytes], Part], data: bytes) -> Part:
-    """Read a part; most are the same as in the report before."""
+    """Decode a part. Cached, since most parts are the same as in the last report."""
     return unpack(data)
 
 
 def _split(payload: bytes) -> Iterator[tuple[int, bytes | None]]:
-    """Yield the ID and data of each part; None for data that the end of the payload cuts off."""
+    """Yield the ID and data of each part; the data is None if it exceeds the payload."""
     at = 0
     while at < len(payload):
         data_at = at + 2
@@ -110,11 +110,11 @@ def _split(payload: bytes) -> Iterator[tuple[int, bytes | None]]:
 
 
 class FrameFinder:
-    """Finds frames in a stream that is cut anywhere and may hold noise.
+    """Finds frames in a stream that is split anywhere and may contain noise.
 
-    After a failed check it searches on from the byte behind the false header, so a frame that follows noise, or sits
-    inside it, is found. The price: noise that looks like a header holds frames back until as many bytes have come as
-    it claims (259 at most, three reports of the base).
+    After a wrong checksum the search continues at the byte after the false header, so that frames after or inside noise
+    are found. Noise that looks like a header delays frames until the claimed number of bytes has arrived (259 at most,
+    three reports of the base).
     """
 
     def __init__(self) -> None:
@@ -124,7 +124,7 @@ class FrameFinder:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take bytes as they come; return the payloads of the frames that are complete now, in order."""
+        """Add received bytes; return the payloads of the frames that are now complete, in order."""
         self._buffer += data
         payloads = []
         while self._align():
@@ -143,11 +143,11 @@ class FrameFinder:
         return payloads
 
     def clear(self) -> None:
-        """Forget a frame that has half arrived; the counters stay."""
+        """Drop a partial frame; the counters stay."""
         self._buffer.clear()
 
     def _align(self) -> bool:
-        """Drop what cannot begin a frame; True when header and length are there."""
+        """Drop bytes that cannot start a frame; return whether header and length are there."""
         start = self._buffer.find(HEADER)
         if start < 0:
             start = len(self._buffer) - self._buffer.endswith(HEADER[:1])

@@ -22,17 +22,18 @@ from drivers.api import (
     Health,
     Joints,
     JointState,
+    Lamp,
     Pose2D,
     Quality,
     Reading,
     Source,
+    Tune,
     Velocity,
 )
 from drivers.api import Posture as Poised
 from drivers.api.gait import GaitKeys
-from drivers.base.arbitrated import Settings, SteeredBase
-from drivers.base.mute import Mute
-from drivers.base.requests import require
+from drivers.base.arbitrated import ArbitratedBase, BaseSettings
+from drivers.base.requests import check_light, check_tone, require
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, DriverError, NotConnected
 from drivers.legs.acts import Acts
@@ -53,7 +54,7 @@ SILENT_AFTER = 0.3
 """Seconds without a reading of a leg's joint after which the walk is given up: not sooner, for it ends in mid-step."""
 
 
-class LegsBase(Mute, SteeredBase):
+class LegsBase(ArbitratedBase):
     """A ``drivers.api.Base`` of the legs of ``joints``, which somebody else opens and closes.
 
     ``step`` is to be called every ``PERIOD``. ``felt`` is asked for the trunk's attitude, where something measures it.
@@ -62,7 +63,7 @@ class LegsBase(Mute, SteeredBase):
     """
 
     PERIOD = PERIOD
-    comparable = False  # steps slip, and the trunk sways: joints, falls and the clock of a walk remain
+    has_witnesses = False  # steps slip, and the trunk sways: joints, falls and the clock of a walk remain
 
     def __init__(
         self,
@@ -75,7 +76,7 @@ class LegsBase(Mute, SteeredBase):
         torques: Mapping[str, float] = MappingProxyType({}),
         at_fall: Literal["relax", "hold"] = "relax",
         tucked: Mapping[str, float] = MappingProxyType({}),
-        **settings: Unpack[Settings],
+        **settings: Unpack[BaseSettings],
     ) -> None:
         super().__init__(clock, **settings)
         if isinstance(joints, CommandedJoints):
@@ -96,7 +97,7 @@ class LegsBase(Mute, SteeredBase):
     # --- what behaviours ask ------------------------------------------------------------------------------------------
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
-        """Walk so; see ``SteeredBase``. Raises DeviceFault too when it has fallen, or a leg is far from a stand."""
+        """Walk so; see ``ArbitratedBase``. Raises DeviceFault too when it has fallen, or a leg is far from a stand."""
         if velocity != STILL and self._fallen:
             raise DeviceFault(f"{self.name}: {FALLEN}", hint="put it up by hand")
         if velocity != STILL and self._there and not self.walking:
@@ -113,7 +114,7 @@ class LegsBase(Mute, SteeredBase):
             return self._acts.ask(act, gait, self._clock.now())
 
     def stop(self, *, source: Source | None = None) -> None:
-        """Come to a stand; see ``SteeredBase``. Legs that are on their way to a stand or a sit stay where they are."""
+        """Come to a stand; see ``ArbitratedBase``. Legs that move to a stand or a sit stay where they are."""
         with self._lock:
             if source in (None, Source.MISSION):
                 self._acts.end()
@@ -130,7 +131,7 @@ class LegsBase(Mute, SteeredBase):
             return Health(False, f"{self.name}: not opened yet", "open it first")
         returned = self._mux.absence.returned
         if self._there:
-            return Health(True, counters=self._mux.waits.counters("command"), returned=returned)
+            return Health(True, counters=self._mux.command_delays.counters("command"), returned=returned)
         silent = [name for name in self._legs if not self._joints.states()[name].good]
         said = self._joints.health()
         what = f"nothing heard of {', '.join(silent)}" if silent else "its joints are gone"
@@ -173,7 +174,7 @@ class LegsBase(Mute, SteeredBase):
         with self._lock:
             self._take(states, felt, now)
             try:
-                wanted = self._mux.velocity(now, self._newest)
+                wanted = self._mux.next_velocity(now, self._last_state)
                 self._go(STILL if self._fallen else wanted, states, felt, now)
             except NotConnected:
                 self._lose()
@@ -181,7 +182,7 @@ class LegsBase(Mute, SteeredBase):
                 self._forget()
                 self._mux.latch(str(fault))
             steering = self._mux.steering
-        self._tell_steering(steering)
+        self._report_steering(steering)
 
     @property
     def walking(self) -> bool:
@@ -193,7 +194,7 @@ class LegsBase(Mute, SteeredBase):
         values = [reading.value for name in self._legs if (reading := states[name]).value is not None]
         if not self._there:
             self._there = True
-            self._tell_return(f"{self.name}: the joints of both legs are there")
+            self._report_online(f"{self.name}: the joints of both legs are there")
         limp = [name for name, value in zip(self._legs, values, strict=True) if not value.torque]
         if not (limp and self.walking):
             self._limp_since = None
@@ -222,9 +223,9 @@ class LegsBase(Mute, SteeredBase):
             posture=Poised.MOVING if not self._engine.standing else self._acts.posture,
         )
         self._latest = Reading(state, now, Quality.GOOD)
-        self._poses.add(now, (pose.heading, pose.x, pose.y))
-        self._mux.hear(now)
-        self._mux.feel(state, now)
+        self._remember(now, state.pose)
+        self._mux.on_report(now)
+        self._mux.on_state(state, now)
 
     def _fall(self, fallen: bool, *, limp: bool, led: bool) -> None:
         """Notice a fall: stop the walk, leave legs as the robot file says, draw in arms of ``led`` legs."""
@@ -290,7 +291,7 @@ class LegsBase(Mute, SteeredBase):
     def _lose(self) -> None:
         self._forget()
         self._acts.end()
-        self._mux.halt()
+        self._mux.stop()
         self._stiff = False
         if self._there:
             self._there = False
@@ -298,22 +299,36 @@ class LegsBase(Mute, SteeredBase):
             health = self.health()
             self._report(DeviceStatus(self.name, "offline", health.detail, health.hint))
 
-    # --- of SteeredBase -----------------------------------------------------------------------------------------------
+    def play(self, tune: Tune) -> None:  # noqa: ARG002 - it has nothing to play it on
+        """Do nothing: it has no sounder. Raises NotConnected."""
+        self._require()
+
+    def tone(self, frequency: float, seconds: float) -> None:
+        """Do nothing: it has no sounder. Raises BadRequest, NotConnected."""
+        check_tone(self.name, frequency, seconds)
+        self._require()
+
+    def light(self, number: int, colour: Lamp) -> None:  # noqa: ARG002 - it has none to show it
+        """Do nothing: it has no lights. Raises BadRequest for another number than 1 and 2, NotConnected."""
+        check_light(self.name, number)
+        self._require()
+
+    # --- of ArbitratedBase --------------------------------------------------------------------------------------------
 
     @property
-    def _newest(self) -> BaseState | None:
+    def _last_state(self) -> BaseState | None:
         return self._latest.value
 
-    def _unheard(self, now: float) -> NotConnected | None:  # noqa: ARG002 - it knows by itself
+    def _offline_error(self, now: float) -> NotConnected | None:  # noqa: ARG002 - it knows by itself
         if self._there:
             return None
         health = self.health()
         return NotConnected(health.detail, hint=health.hint)
 
     def _require(self) -> None:
-        if (absent := self._unheard(self._clock.now())) is not None:
+        if (absent := self._offline_error(self._clock.now())) is not None:
             raise absent
 
-    def _stand(self) -> None:
+    def _send_stop(self) -> None:
         """End the walk: with the step that is under way, and one that closes the feet."""
         self._engine.halt()

@@ -1,81 +1,72 @@
-"""A base whose two motors are in the hands of a keeper: told as shares of full power, and nothing is measured."""
+"""Motors of an actuator guardian: their protocol for ``drivers.base.diff_drive.DiffDriveBase``. Nothing is measured."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import inf
-from typing import Unpack
 
-from drivers.base.arbitrated import Settings
-from drivers.base.plain_base import PlainBase
-from drivers.base.reckoning import TwoWheels
-from drivers.clock import Clock
+from drivers.api import Velocity
+from drivers.base.diff_drive import DiffDriveProtocol, Parsed
+from drivers.base.reckoning import TwoWheels, WheelOdometry
 from drivers.transport import guardian_wire
 from drivers.transport.lines import LineFinder
-from drivers.transport.link import Link
 
-PERIOD = 0.02
-"""Seconds between two questions: how often the command is renewed."""
+QUERY_INTERVAL = 0.02
+"""Seconds between two requests for a report, after which the setpoint is renewed."""
 
 
-class KeeperBase(PlainBase):
-    """A ``drivers.api.Base`` over a link that it owns; its pose is dead reckoning.
+class KeeperProtocol(DiffDriveProtocol):
+    """Protocol of two motors, commanded as shares of full power; the pose is dead reckoning.
 
-    ``speed_at_full`` (m/s) is how fast a wheel turns at full power, ``track`` (m) what its wheels turn it by. ``why``
-    says why nobody answers, where that is known, and ``cure`` is what to try then.
+    ``speed_at_full`` (m/s) is the speed of a wheel at full power, ``track`` (m) the distance of the wheels. ``why``
+    returns why the guardian does not answer, if that is known; ``hint`` is what to try then.
     """
 
-    def __init__(
-        self,
-        link: Link,
-        clock: Clock,
-        *,
-        track: float,
-        speed_at_full: float,
-        why: Callable[[], str] = str,
-        cure: str = "",
-        **settings: Unpack[Settings],
-    ) -> None:
-        super().__init__(link, clock, TwoWheels(track, speed_at_full), reckoned=True, **settings)
-        self._why, self._cure = why, cure
+    def __init__(self, track: float, speed_at_full: float, *, why: Callable[[], str] = str, hint: str = "") -> None:
+        self._odometry = WheelOdometry(TwoWheels(track, speed_at_full), measured=False)
+        self._why, self._hint = why, hint
+        self._malformed = self._reports = 0
+        self.restart()
+
+    def restart(self) -> None:
         self._lines = LineFinder()
         self._boot: int | None = None
-        self._asked_at = -inf
+        self._queried_at = -inf
+        self._odometry.pause()
 
-    def connected(self) -> None:
-        """Begin anew with whoever is there now."""
-        self._lines, self._boot = LineFinder(), None
-        super().connected()
+    def greet(self) -> bytes:
+        return guardian_wire.ASK
 
-    def received(self, data: bytes) -> None:
-        """Take what the keeper says, and obey."""
-        now = self._clock.now()
+    def query(self, now: float) -> bytes:
+        if now - self._queried_at < QUERY_INTERVAL:
+            return b""
+        self._queried_at = now
+        return guardian_wire.ASK
+
+    def parse(self, data: bytes, now: float) -> Parsed:
+        parsed = Parsed()
         for line in self._lines.feed(data):
             try:
-                found = guardian_wire.read(line)
+                message = guardian_wire.read(line)
             except ValueError:
-                self._counters["malformed"] += 1
+                self._malformed += 1
                 continue
-            if isinstance(found, guardian_wire.Report):
-                if self._boot not in (None, found.boot):
-                    self._begun_anew("who holds its motors has begun anew", self._cure)
-                self._boot = found.boot
-                self._reported(now, None)
+            if isinstance(message, guardian_wire.Report):
+                if self._boot not in (None, message.boot):
+                    parsed.restarted = ("the guardian of the motors restarted", self._hint)
+                self._boot = message.boot
+                self._reports += 1
+                parsed.states.append(self._odometry.report(now, None))
+        return parsed
 
-    def pulse(self) -> None:
-        """Ask again, and renew the command."""
-        now = self._clock.now()
-        if now - self._asked_at >= PERIOD:
-            self._asked_at = now
-            self._greet()
-        super().pulse()
+    def drive(self, velocity: Velocity, now: float) -> bytes:
+        left, right = self._odometry.send(velocity, now)
+        if self._boot is None:  # a guardian obeys only commands with its own boot number
+            return b""
+        full = guardian_wire.FULL / self._odometry.wheels.fastest
+        return guardian_wire.go(self._boot, round(left * full), round(right * full))
 
-    def _greet(self) -> None:
-        self._link.write(guardian_wire.ASK)
+    def counters(self) -> Mapping[str, int]:
+        return {"reports": self._reports, "malformed": self._malformed}
 
-    def _go(self, left: float, right: float) -> None:
-        if self._boot is not None:
-            full = guardian_wire.FULL / self._wheels.fastest
-            self._link.write(guardian_wire.go(self._boot, round(left * full), round(right * full)))
-
-    def _silence(self, now: float) -> tuple[str, str]:  # noqa: ARG002 - it is silent for one reason
-        said = self._why() or "open, but nobody who holds its motors answers"
-        return f"{self.name}: {self._link.port}: {said}", self._cure
+    def offline_reason(self, now: float, where: str, baud: int, *, silent: bool) -> tuple[str, str]:
+        del now, baud, silent
+        return f"{where}: {self._why() or 'open, but the guardian of the motors does not answer'}", self._hint

@@ -11,12 +11,13 @@ from typing import Any
 
 from drivers.api.driver import Site
 from drivers.base.arbitrated import settings_of
+from drivers.base.diff_drive import DiffDriveBase
 from drivers.errors import NotConnected
 from drivers.extras import extra_hint
 from drivers.head.axis import servo_axis
 from drivers.head.guardian_head import KeeperHead
 from drivers.pi_car.declared import MotorKeys, PiCarKeys, PiHeadKeys
-from drivers.pi_car.driver import KeeperBase
+from drivers.pi_car.driver import KeeperProtocol
 from drivers.transport import guardian_wire
 from drivers.transport.link import Link, dial
 from drivers.transport.ports import Lost
@@ -124,18 +125,11 @@ class Guardian:
             self._out.close()
 
 
-def base(keys: PiCarKeys, site: Site) -> KeeperBase:
+def base(keys: PiCarKeys, site: Site) -> DiffDriveBase:
     """Return the driver of the car."""
     dials = Guarded(wheels_of(keys))
-    return KeeperBase(
-        _link(dials, site),
-        site.clock,
-        track=keys.track,
-        speed_at_full=keys.speed_at_full,
-        why=lambda: dials.words,
-        cure=cure(),
-        **settings_of(keys, site),
-    )
+    protocol = KeeperProtocol(keys.track, keys.speed_at_full, why=lambda: dials.words, hint=cure())
+    return DiffDriveBase(_link(dials, site), site.clock, protocol, **settings_of(keys, site))
 
 
 def head(keys: PiHeadKeys, site: Site) -> KeeperHead:

@@ -1,25 +1,21 @@
-"""A base that is driven by ROS 2: its velocity a Twist or a TwistStamped, its pose from Odometry."""
+"""Protocol of a base on topics of ROS 2: its velocity is a Twist or a TwistStamped, its pose comes from Odometry."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import atan2, cos, inf, isfinite, remainder, sin, tau
-from typing import Any, Unpack
+from typing import Any
 
-from drivers.api import STILL, BaseState, Lamp, Pose2D, Sides, Tune, Velocity
+from drivers.api import BaseLimits, BaseState, DeviceStatus, Lamp, Pose2D, Sides, Tune, Velocity
 from drivers.api.quick import dataclass
 from drivers.base import changes
-from drivers.base.arbitrated import Settings
+from drivers.base.diff_drive import DiffDriveProtocol, Parsed, Timing
 from drivers.base.gyro_bias import GyroBias
-from drivers.base.plain_base import RESTING, SILENT_AFTER, STALE_AFTER, PlainBase
-from drivers.base.reckoning import TwoWheels
-from drivers.base.requests import check_light, check_tone
+from drivers.base.progress_monitor import LAG, SentVelocities
 from drivers.clock import Clock
-from drivers.errors import NotConnected
 from drivers.ros2 import wire
 from drivers.ros2.line import Channel, absent
 from drivers.ros2.node import TopicFaults, hint_for
 from drivers.ros2.types import Malformed, types
-from drivers.transport.link import Link
 
 # What a Create 3 (TurtleBot 4) and a TurtleBot 3 say and take besides velocities: contacts, docks, lights, sounds.
 
@@ -123,8 +119,8 @@ KINDS: Mapping[str, tuple[str, ...]] = {
 SENT = frozenset({"cmd_vel", "lights", "sounds"})
 """Those that the base is told by."""
 
-UNFELT = 1.0
-"""Seconds without a word of its contacts after which a base that has some counts as silent."""
+CONTACTS_TIMEOUT = 1.0
+"""Seconds without a report of its contacts after which a base that has some is offline."""
 
 JUMP = 0.3
 """Metres beyond what it can have driven that its odometry jumps by when somebody has set it."""
@@ -151,58 +147,58 @@ CHARGING = 1
 """The status of a battery that charges, as sensor_msgs numbers it."""
 
 
-class Ros2Base(PlainBase):
-    """A ``drivers.api.Base`` over a link to topics; ``words`` name them by their places, as ``KINDS`` does.
+class Ros2BaseProtocol(DiffDriveProtocol):
+    """Protocol of the topics ``channels`` of the base ``name``; ``words`` are their roles, as in ``KINDS``.
 
-    Its pose begins at 0 when it is first heard, and goes on from where it was when somebody sets the odometry, and
-    after it was away. While it stands, nothing is sent: what else drives the robot, such as Nav2, is not in its way.
-    ``halted`` is called when a person stops or latches it: to end whatever else drives it. ``entrusted`` returns
-    whether a goal of another node, such as Nav2, may move it now.
+    The pose starts at 0 with the first report. It is continuous: somebody may set the odometry, or the base may be
+    away. Nothing is sent at rest, so that other nodes, such as Nav2, can drive the robot. Outside of ``limits`` the
+    odometry was set. ``anchored`` is called with the origin of the pose in the odometry frame, and with the name of
+    that. ``entrusted`` returns whether a goal of another node may move the robot now.
     """
 
     def __init__(
         self,
-        link: Link,
+        name: str,
         clock: Clock,
         channels: Sequence[Channel],
         words: Sequence[str],
+        limits: BaseLimits,
         *,
-        halted: Callable[[], None] = lambda: None,
         anchored: Callable[[Pose2D, str], None] = lambda pose, frame: None,  # noqa: ARG005
         entrusted: Callable[[], bool] = lambda: False,
-        **settings: Unpack[Settings],
     ) -> None:
-        super().__init__(link, clock, TwoWheels(1.0, inf), reckoned=False, **settings)
-        self._channels, self._words = channels, list(words)
-        self._halted, self._anchored, self._entrusted = halted, anchored, entrusted
-        self._faults = TopicFaults(self.name, [each.topic for each in channels], clock, self._report)
-        self._finder = wire.FrameFinder()
-        self._kinds: dict[str, tuple[str, ...]] = {}
-        self._origin: tuple[Pose2D, Pose2D] | None = None  # a pose as it was told, and what that is for us
-        self._raw: tuple[Pose2D, float] | None = None
-        # The odometry from which the drift is reckoned on, when it came, and when that was by the robot's clock.
-        self._measured: tuple[Pose2D, float, float] | None = None
-        self._bias = GyroBias(encoders=False)
-        self._turned_back = 0.0  # radians of drift since the robot's frame was told
-        self._interval = SLOWEST_INTERVAL
+        self._name, self._channels, self._words, self._limits = name, channels, list(words), limits
+        self._anchored, self._entrusted = anchored, entrusted
+        self._reported: list[DeviceStatus] = []  # faults of topics, since the last ``parse``
+        self._faults = TopicFaults(name, [each.topic for each in channels], clock, self._reported.append)
+        # Commands from before a moment ago may still move the base.
+        self._sent = SentVelocities(LAG)
         self._hazards = self._brief = HazardReport()  # now; and since the last odometry
         self._felt_at = -inf
         self._battery = (0.0, 100.0, False)
         self._docked = self._of_hundred = False
         self._lamps = {1: Lamp.OFF, 2: Lamp.OFF}
+        self._pose = Pose2D(0.0, 0.0, 0.0)
+        self._reports = 0
+        self.restart()
 
-    def connected(self) -> None:
-        """Begin anew: nothing of before is in force, and the pose goes on from where it was."""
+    def restart(self) -> None:
         self._finder = wire.FrameFinder()
-        self._kinds.clear()
-        self._origin = self._raw = self._measured = None
+        self._kinds: dict[str, tuple[str, ...]] = {}
+        # A pose in the odometry frame, and the same in ours.
+        self._origin: tuple[Pose2D, Pose2D] | None = None
+        self._raw: tuple[Pose2D, float] | None = None
+        # The odometry from which the drift is computed next, its arrival, and its stamp by the robot's clock.
+        self._measured: tuple[Pose2D, float, float] | None = None
         self._bias = GyroBias(encoders=False)  # the robot may have been switched off and on
-        self._interval = SLOWEST_INTERVAL
-        super().connected()
+        self._turned_back = 0.0  # radians of drift since the origin was last reported
+        self._set_interval(SLOWEST_INTERVAL)
 
-    def received(self, data: bytes) -> None:
-        """Take what has come, and obey."""
-        now = self._bytes_at = self._clock.now()
+    def greet(self) -> bytes:
+        return wire.ASK
+
+    def parse(self, data: bytes, now: float) -> Parsed:
+        parsed = Parsed()
         for channel, payload in self._finder.feed(data):
             try:
                 if channel == wire.ABOUT:
@@ -214,98 +210,82 @@ class Ros2Base(PlainBase):
                 elif channel == wire.MISMATCH:
                     self._faults.mismatch(payload)
                 else:
-                    self._hear(self._words[channel], payload, now)
+                    self._read(self._words[channel], payload, now, parsed)
             except (Malformed, ValueError, LookupError, ArithmeticError) as error:
                 self._faults.add(channel, error)
-        self._counters["malformed"] = self._faults.count
+        parsed.faults += [(each.what, each.hint) for each in self._reported]
+        self._reported.clear()
+        return parsed
 
-    def play(self, tune: Tune) -> None:
-        """Play a tune, where it has a sounder. Raises NotConnected."""
-        self._require()
-        self._tell_topic("sounds", notes(TUNES[tune], 0.2))
-
-    def tone(self, frequency: float, seconds: float) -> None:
-        """Play a tone, where it has a sounder. Raises BadRequest, NotConnected."""
-        check_tone(self.name, frequency, seconds)
-        self._require()
-        self._tell_topic("sounds", notes([round(frequency)], seconds))
-
-    def light(self, number: int, colour: Lamp) -> None:
-        """Switch a light, where it has some. Raises BadRequest, NotConnected."""
-        check_light(self.name, number)
-        self._require()
-        self._lamps[number] = colour
-        self._tell_topic("lights", ring(self._lamps[1], self._lamps[2]))
-
-    def latch(self, reason: str) -> None:
-        """Stand still until ``enable``, whoever commands, and whatever else drives it."""
-        super().latch(reason)
-        self._halted()
-
-    # --- what PlainBase asks for --------------------------------------------------------------------------------------
-
-    @property
-    def _stale_after(self) -> float:
-        return max(STALE_AFTER, 1.5 * self._interval)
-
-    @property
-    def _silent_after(self) -> float:
-        return max(SILENT_AFTER, 2.5 * self._interval)
-
-    @property
-    def _resting(self) -> float:
-        return RESTING if self._mux.latched else inf
-
-    def _greet(self) -> None:
-        self._link.write(wire.ASK)
-
-    def _send(self, velocity: Velocity) -> None:
-        self._sent_at = self._clock.now()
+    def drive(self, velocity: Velocity, now: float) -> bytes:
+        self._sent.add(now, velocity)
         twist = {"linear": {"x": velocity.linear}, "angular": {"z": velocity.angular}}
-        # Its time is left 0, which controllers take for now: two clocks may differ by more than they bear.
+        # Its stamp is 0, which controllers take for now: two clocks may differ by more than they tolerate.
         stamped: dict[str, object] = {"header": {"frame_id": "base_link"}, "twist": twist}
+        command = b""
         for kind in self._kinds.get("cmd_vel", ()):  # all that listen: which of them drives the robot is not known
             place = self._channels[0].kinds.index(kind)
-            self._link.write(wire.frame(0, types().encode(kind, twist if kind == TWISTS[0] else stamped), place))
+            command += wire.frame(0, types().encode(kind, twist if kind == TWISTS[0] else stamped), place)
+        return command
 
-    def _go(self, left: float, right: float) -> None:
-        raise AssertionError((left, right))  # it is told velocities, by _send
+    def play(self, tune: Tune) -> bytes:
+        return self._encode("sounds", notes(TUNES[tune], 0.2))
 
-    def _hears(self, now: float) -> bool:
-        feels = not (self._has("hazards") or self._has("sensors")) or now - self._felt_at <= UNFELT
-        return bool(self._kinds.get("cmd_vel")) and feels and super()._hears(now)
+    def tone(self, frequency: float, seconds: float) -> bytes:
+        return self._encode("sounds", notes([round(frequency)], seconds))
 
-    def _silence(self, now: float) -> tuple[str, str]:
+    def light(self, number: int, colour: Lamp) -> bytes:
+        self._lamps[number] = colour
+        return self._encode("lights", ring(self._lamps[1], self._lamps[2]))
+
+    def is_ready(self, now: float) -> bool:
+        feels = not (self._has("hazards") or self._has("sensors")) or now - self._felt_at <= CONTACTS_TIMEOUT
+        return bool(self._kinds.get("cmd_vel")) and feels
+
+    def counters(self) -> Mapping[str, int]:
+        return {"reports": self._reports, "malformed": self._faults.count}
+
+    def offline_reason(self, now: float, where: str, baud: int, *, silent: bool) -> tuple[str, str]:
+        del where, baud, silent
         for word in ("odom", "cmd_vel", "hazards", "sensors"):
             if self._has(word) and not self._kinds.get(word):
                 number = self._words.index(word)
-                error = absent(self.name, self._channels[number], self._faults.why(number))
+                error = absent(self._name, self._channels[number], self._faults.why(number))
                 return str(error), error.hint
-        if self._twofold:
-            what = f"{self.name}: two nodes send {self._channels[1].topic}: where it is, nobody knows"
+        odometry = self._channels[1].topic
+        if self._has_two_publishers:
+            what = f"{self._name}: two publishers on {odometry}: odometry ignored"
             return what, "`mission ros2 graph` shows them; two robots need a namespace each"
         for number in (self._words.index(word) for word in ("odom", "hazards", "sensors") if self._has(word)):
             if why := self._faults.why(number):
-                return f"{self.name}: {why}", hint_for(self._channels[number].topic)
-        if super()._hears(now):
-            return f"{self.name}: nothing of its bumpers comes", "is its node still running? `mission ros2 graph`"
-        return f"{self.name}: {self._channels[1].topic}: no odometry comes", "is the robot on, and the network there?"
+                return f"{self._name}: {why}", hint_for(self._channels[number].topic)
+        if self._raw is not None and now - self._raw[1] <= self.timing.offline_after:
+            return f"{self._name}: nothing of its bumpers comes", "is its node still running? `mission ros2 graph`"
+        return f"{self._name}: {odometry}: no odometry comes", "is the robot on, and the network there?"
 
     # --- the inside ---------------------------------------------------------------------------------------------------
 
     def _has(self, word: str) -> bool:
         return word in self._words
 
-    def _tell_topic(self, word: str, values: Mapping[str, object]) -> None:
-        if self._has(word):
-            kind = KINDS[word][0]
-            self._link.write(wire.frame(self._words.index(word), types().encode(kind, values)))
+    def _set_interval(self, seconds: float) -> None:
+        """Adapt the timeouts to the interval of the odometry."""
+        self._interval, usual = seconds, Timing()
+        self.timing = Timing(
+            stale_after=max(usual.stale_after, 1.5 * seconds),
+            offline_after=max(usual.offline_after, 2.5 * seconds),
+            idle_interval=inf,
+        )
 
-    def _hear(self, word: str, payload: bytes, now: float) -> None:
+    def _encode(self, word: str, values: Mapping[str, object]) -> bytes:
+        """Return a message; nothing if the robot has no such topic."""
+        return wire.frame(self._words.index(word), types().encode(KINDS[word][0], values)) if self._has(word) else b""
+
+    def _read(self, word: str, payload: bytes, now: float, parsed: Parsed) -> None:
         told = types().decode(KINDS[word][0], payload)
         match word:
-            case "odom" if not self._twofold:
-                self._odometry(told, now)
+            case "odom" if not self._has_two_publishers:
+                parsed.states.append(self._odometry(told, now))
             case "hazards":
                 self._feel(report_of(told.detections), now)
             case "sensors":
@@ -317,8 +297,8 @@ class Ros2Base(PlainBase):
                 self._battery = self._gauge(told)
 
     @property
-    def _twofold(self) -> bool:
-        """Whether several nodes tell its odometry, such as two robots of one name: none of it is believed."""
+    def _has_two_publishers(self) -> bool:
+        """Whether several nodes publish odometry, such as two robots of one name: then it is ignored."""
         return len(self._kinds.get("odom", ())) > 1
 
     def _gauge(self, told: Any) -> tuple[float, float, bool]:
@@ -333,7 +313,8 @@ class Ros2Base(PlainBase):
         self._hazards, self._felt_at = hazards, now
         self._brief |= hazards
 
-    def _odometry(self, told: Any, now: float) -> None:
+    def _odometry(self, told: Any, now: float) -> BaseState:
+        """Return the state after a message of odometry. Raises ValueError for one that is not of a robot."""
         at, turned, moves = told.pose.pose.position, told.pose.pose.orientation, told.twist.twist
         figures = {
             "position x": at.x, "position y": at.y, "orientation x": turned.x, "orientation y": turned.y,
@@ -348,14 +329,13 @@ class Ros2Base(PlainBase):
         felt, self._brief = self._brief, self._hazards
         volts, percent, charging = self._battery
         velocity = Velocity(moves.linear.x, rate)
-        before = self._latest.value
-        state = BaseState(
+        self._pose = pose
+        self._reports += 1
+        return BaseState(
             pose, velocity, felt.bumper, felt.cliff, felt.wheel_drop, hazards=felt.others,
             battery_voltage=volts, battery_percent=percent, charging=charging, docked=self._docked,
             settling=self._bias.settling,
         )  # fmt: skip
-        self._tell(before, [state])
-        self._take(state, now)
 
     def _undrifted(self, raw: Pose2D, moves: Velocity, now: float, header: Any) -> tuple[Pose2D, float]:
         """Return where that is for us, and the turn rate, without the drift of its gyro as it was learnt at rest."""
@@ -367,7 +347,7 @@ class Ros2Base(PlainBase):
             return pose, moves.angular - self._bias.rate
         was, seconds, stamped = before[0], now - before[1], stamp - before[2]
         if seconds >= MIN_INTERVAL:
-            self._interval = min(max(seconds, 0.9 * self._interval), SLOWEST_INTERVAL)
+            self._set_interval(min(max(seconds, 0.9 * self._interval), SLOWEST_INTERVAL))
         if MIN_INTERVAL <= stamped <= SLOWEST_INTERVAL:  # a network may deliver several messages at once
             seconds = stamped
         if seconds < MIN_INTERVAL:
@@ -375,7 +355,9 @@ class Ros2Base(PlainBase):
         self._measured = raw, now, stamp
         turn = remainder(raw.heading - was.heading, tau)
         rolled = max(abs(moves.linear), abs(raw.x - was.x), abs(raw.y - was.y))
-        still = rolled < STILL_WITHIN and not self._mux.monitor.watching and not self._entrusted()
+        self._sent.lag = LAG + self._interval
+        self._sent.bounds(now)
+        still = rolled < STILL_WITHIN and self._sent.standing and not self._entrusted()
         left, rate = self._bias.correct(turn, moves.angular, seconds, still=still)
         if left == turn:
             return pose, rate
@@ -389,12 +371,11 @@ class Ros2Base(PlainBase):
 
     def _placed(self, raw: Pose2D, now: float, frame: str) -> Pose2D:
         """Return where that is for us, whose pose is continuous."""
-        before = self._latest.value
-        here = Pose2D(0.0, 0.0, 0.0) if before is None else before.pose
+        here = self._pose
         if self._raw is not None:
             was, at = self._raw
             past = max(now - at, 0.0)
-            reach, turned = JUMP + 2 * self.limits.speed * past, TURNED + 2 * self.limits.turn * past
+            reach, turned = JUMP + 2 * self._limits.speed * past, TURNED + 2 * self._limits.turn * past
             off = abs(remainder(raw.heading - was.heading, tau))
             if (raw.x - was.x) ** 2 + (raw.y - was.y) ** 2 > reach**2 or off > turned:
                 self._origin = None
@@ -408,19 +389,6 @@ class Ros2Base(PlainBase):
         x, y = pose.x + dx * cos(turn) - dy * sin(turn), pose.y + dx * sin(turn) + dy * cos(turn)
         heading = raw.heading + turn
         return Pose2D(x, y, heading + tau * round((here.heading - heading) / tau))
-
-    def stop(self, **given: Any) -> None:
-        """Stand still now; see ``drivers.api.Base``."""
-        super().stop(**given)
-        if given.get("source") is None and not self._closing:
-            self._halted()
-
-    def _stand(self) -> None:
-        self._moved_at = self._clock.now()  # said again for a while: a message may be lost
-        try:
-            self._send(STILL)
-        except NotConnected:
-            return
 
 
 def _undone(raw: Pose2D, here: Pose2D) -> Pose2D:

@@ -4,9 +4,10 @@ import os
 from collections.abc import Mapping
 from math import pi
 
-from drivers.api import JointLimits
+from drivers.api import BaseLimits, JointLimits
 from drivers.api.driver import Site
 from drivers.base.arbitrated import settings_of
+from drivers.base.diff_drive import DiffDriveBase
 from drivers.errors import BadRequest
 from drivers.head.joints_head import JointAxis, NeckDriver
 from drivers.pictures.capture import ThreadedCamera
@@ -78,22 +79,17 @@ def topics_of(keys: Ros2BaseKeys) -> dict[str, str]:
     return {word: getattr(keys, word) for word in bases.KINDS if getattr(keys, word)}
 
 
-def base(keys: Ros2BaseKeys, site: Site) -> bases.Ros2Base:
+def base(keys: Ros2BaseKeys, site: Site) -> DiffDriveBase:
     """Return the driver of a base."""
     nodes: Ros2Graph = site.parts["ros2"]
     topics = topics_of(keys)
     channels = [Channel(nodes.full(topic), bases.KINDS[word], word in bases.SENT) for word, topic in topics.items()]
-    line = link("base", nodes.node, channels, site.report)
-    return bases.Ros2Base(
-        line,
-        site.clock,
-        channels,
-        list(topics),
-        halted=nodes.stop,
-        anchored=nodes.anchor,
-        entrusted=nodes.has_goal,
-        **settings_of(keys, site),
+    limits = BaseLimits(keys.max_speed, keys.max_turn, keys.acceleration, keys.turn_acceleration)
+    protocol = bases.Ros2BaseProtocol(
+        "base", site.clock, channels, list(topics), limits, anchored=nodes.anchor, entrusted=nodes.has_goal
     )
+    line = link("base", nodes.node, channels, site.report)
+    return DiffDriveBase(line, site.clock, protocol, on_stop=nodes.stop, **settings_of(keys, site))
 
 
 def ranger(keys: Ros2RangeKeys, site: Site) -> Ros2Ranger:

@@ -40,7 +40,7 @@ WAVESHARE = Driver(
     "base",
     "A rover of Waveshare's that speaks JSON: WAVE ROVER, UGV Rover, UGV Beast.",
     WaveshareKeys,
-    make="drivers.waveshare.make:make",
+    make="drivers.waveshare.driver:make",
     twin="drivers.sim.twins.making:waveshare",
     virtual="drivers.virtual.making:waveshare",
     probe="drivers.waveshare.probe:probe",

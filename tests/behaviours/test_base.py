@@ -311,11 +311,11 @@ class LaggingBase(RecordedBase):
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
         super().drive(velocity, source=source)
-        return self._mux.steer(velocity, self.clock.now(), self.reading.value, source)
+        return self._mux.request(velocity, self.clock.now(), self.reading.value, source)
 
     def stop(self, *, source: Source | None = None) -> None:
         super().stop(source=source)
-        self._mux.halt(source)
+        self._mux.stop(source)
         self.wheels.command(0.0, 0.0, self.clock.now())
 
     def report(self) -> None:
@@ -326,8 +326,8 @@ class LaggingBase(RecordedBase):
         else:
             self._measure(now)
         if self.reading.value is not None:
-            self._mux.feel(self.reading.value, now)
-        wanted = self._mux.velocity(now, self.reading.value)
+            self._mux.on_state(self.reading.value, now)
+        wanted = self._mux.next_velocity(now, self.reading.value)
         self._odometry.commanded = wanted != STILL
         self.wheels.command(wanted.linear, wanted.angular, now)
 

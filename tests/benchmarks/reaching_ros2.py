@@ -15,9 +15,10 @@ import numpy as np
 
 from drivers.api import Velocity
 from drivers.api.driver import Site
+from drivers.base.diff_drive import DiffDriveBase
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
-from drivers.ros2.base import TWISTS, Ros2Base
+from drivers.ros2.base import TWISTS
 from drivers.ros2.declared import Ros2BaseKeys, Ros2CameraKeys, Ros2RangeKeys, ZenohKeys
 from drivers.ros2.make import base, camera, graph, ranger
 from drivers.ros2.node import Node
@@ -46,7 +47,7 @@ def serve(address: str, what: frozenset[str], over: Any) -> None:
 
 
 @contextmanager
-def driven(what: frozenset[str]) -> Iterator[tuple[str, Ros2Base, Any, Any]]:
+def driven(what: frozenset[str]) -> Iterator[tuple[str, DiffDriveBase, Any, Any]]:
     """Yield the address of a robot and the drivers of its base, scans and pictures, once all are there."""
     context, address, clock = get_context("spawn"), free_address(), SystemClock()
     over = context.Event()

@@ -12,7 +12,7 @@ from contextlib import suppress
 from drivers.api import Velocity
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
-from drivers.kobuki.driver import KobukiBase
+from drivers.kobuki.driver import kobuki_base
 from drivers.kobuki.wire import BAUD
 from drivers.transport.link import Link
 from tests.benchmarks.table import Row
@@ -35,7 +35,7 @@ def rows() -> Iterator[Row]:
 def serve(port: str) -> tuple[float, float]:
     """Drive the base behind ``port``; return the share of a core, and the reports a second."""
     clock, pause = SystemClock(), threading.Event()
-    base = KobukiBase(Link("base", port, BAUD), clock)
+    base = kobuki_base(Link("base", port, BAUD), clock)
     base.open()
     try:
         while not base.health().online:

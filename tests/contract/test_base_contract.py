@@ -22,7 +22,7 @@ from drivers.api import (
 )
 from drivers.base.twin import BaseTwin
 from drivers.errors import BadRequest, DeviceFault, NotConnected
-from drivers.kobuki.driver import KobukiBase
+from drivers.kobuki.driver import kobuki_base
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.sim.body import NOTHING, Body
 from drivers.sim.ground import OpenFloor
@@ -102,7 +102,7 @@ class WireBase(InSimulatedTime, BaseRig):
         self.kobuki = VirtualKobuki(ground=Room())
         self.wire = HandWire(self.kobuki, self.timeline)
         link = self.wire.link("base", report=self.notices.append)
-        self.device = KobukiBase(link, self.clock, report=self.notices.append, changed=self.changed)
+        self.device = kobuki_base(link, self.clock, report=self.notices.append, changed=self.changed)
 
     def truth(self) -> Pose2D:
         return self.kobuki.pose(self.clock.now())

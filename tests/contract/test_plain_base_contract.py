@@ -5,13 +5,14 @@ from collections.abc import Iterator
 import pytest
 
 from drivers.api import BASE_RADIUS, Lamp, Pose2D, Tune
+from drivers.base.diff_drive import DiffDriveBase
 from drivers.base.plain_twin import PlainTwin
 from drivers.base.reckoning import TwoWheels
 from drivers.errors import BadRequest
-from drivers.pi_car.driver import KeeperBase
+from drivers.pi_car.driver import KeeperProtocol
 from drivers.sim.body import Body
 from drivers.virtual.guardian import VirtualCar
-from drivers.waveshare.driver import WaveshareBase
+from drivers.waveshare.driver import waveshare_base
 from drivers.waveshare.virtual import VirtualWaveshare
 from drivers.waveshare.wire import FULL
 from tests.contract.rigs import InSimulatedTime, simulated
@@ -72,7 +73,7 @@ class Waveshare(InSimulatedTime, PlainRig):
         unit = FULL / 1.25 if self.reckoned else 1.0
         self.rover = VirtualWaveshare(Body(ground=Room()), track=TRACK, unit=unit, encoders=not self.reckoned)
         self.wire = HandWire(self.rover, self.timeline)
-        self.device = WaveshareBase(
+        self.device = waveshare_base(
             self.wire.link("base", report=self.notices.append),
             self.clock,
             track=TRACK,
@@ -103,12 +104,10 @@ class PiCar(InSimulatedTime, PlainRig):
         super().__init__()
         self.car = VirtualCar(Body(ground=Room()), TwoWheels(TRACK, 1.25))
         self.wire = HandWire(self.car, self.timeline)
-        self.device = KeeperBase(
+        self.device = DiffDriveBase(
             self.wire.link("base", report=self.notices.append),
             self.clock,
-            track=TRACK,
-            speed_at_full=1.25,
-            cure="look at it",
+            KeeperProtocol(TRACK, 1.25, hint="look at it"),
             report=self.notices.append,
             changed=self.changed,
         )

@@ -9,9 +9,10 @@ import pytest
 
 from behaviours.driving.motion import Drive
 from behaviours.leaf import FAILURE, RUNNING
-from drivers.api import STILL, Lamp, Pose2D, Sides
+from drivers.api import STILL, BaseLimits, Lamp, Pose2D, Sides
+from drivers.base.diff_drive import DiffDriveBase
 from drivers.ros2 import base as create3
-from drivers.ros2.base import Ros2Base
+from drivers.ros2.base import Ros2BaseProtocol
 from drivers.ros2.types import types
 from drivers.ros2.virtual_topics import VirtualBase
 from drivers.ros2.wire import frame
@@ -70,14 +71,20 @@ class Topics(InSimulatedTime, BaseRig):
         self.halts = 0
         self.entrusted = False
         self.start_told: list[Pose2D] = []
-        self.device = Ros2Base(
-            self.wire.link("base", report=self.notices.append),
+        protocol = Ros2BaseProtocol(
+            "base",
             self.clock,
             self.robot.channels,
             list(self.topics),
-            halted=self.halted,
+            BaseLimits(0.5, 1.9, 0.5, 3.5),
             anchored=lambda pose, _: self.start_told.append(pose),
             entrusted=lambda: self.entrusted,
+        )
+        self.device = DiffDriveBase(
+            self.wire.link("base", report=self.notices.append),
+            self.clock,
+            protocol,
+            on_stop=self.halted,
             report=self.notices.append,
             changed=self.changed,
         )

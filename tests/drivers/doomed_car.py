@@ -6,15 +6,16 @@ from contextlib import suppress
 from threading import Event
 
 from drivers.api import Velocity
+from drivers.base.diff_drive import DiffDriveBase
 from drivers.clock import SystemClock
 from drivers.errors import DriverError
-from drivers.pi_car.driver import KeeperBase
+from drivers.pi_car.driver import KeeperProtocol
 from drivers.pi_car.make import Guarded
 from drivers.transport.link import Link
 
 if __name__ == "__main__":
     link = Link("base", "the guardian", 57_600, dial=Guarded(json.loads(sys.argv[1]), sys.argv[2:]))
-    base = KeeperBase(link, SystemClock(), track=0.13, speed_at_full=0.5)
+    base = DiffDriveBase(link, SystemClock(), KeeperProtocol(0.13, 0.5))
     base.open()
     while True:
         with suppress(DriverError):

@@ -23,21 +23,22 @@ from behaviours.driving.motion import Drive, Motion
 from behaviours.driving.turning import Turn
 from behaviours.leaf import RUNNING, SUCCESS
 from behaviours.robot import Robot
-from drivers.api import STILL, Pose2D
+from drivers.api import STILL, BaseLimits, Pose2D
+from drivers.base.diff_drive import DiffDriveBase
 from drivers.base.plain_twin import PlainTwin
 from drivers.base.reckoning import TwoWheels
 from drivers.base.twin import BaseTwin
-from drivers.kobuki.driver import KobukiBase
+from drivers.kobuki.driver import kobuki_base
 from drivers.kobuki.virtual import VirtualKobuki
-from drivers.pi_car.driver import KeeperBase
-from drivers.ros2.base import Ros2Base
+from drivers.pi_car.driver import KeeperProtocol
+from drivers.ros2.base import Ros2BaseProtocol
 from drivers.ros2.virtual_topics import VirtualBase
 from drivers.sim.body import Body
 from drivers.sim.ground import BackupLimit
 from drivers.sim.timeline import Timeline
 from drivers.sim.wheels import Wheels
 from drivers.virtual.guardian import VirtualCar
-from drivers.waveshare.driver import WaveshareBase
+from drivers.waveshare.driver import waveshare_base
 from drivers.waveshare.virtual import VirtualWaveshare
 from drivers.waveshare.wire import FULL
 from missions.plugins.testing.recorders import Bench
@@ -107,7 +108,7 @@ def twin(base: BaseTwin, timeline: Timeline, *, measures: bool = True) -> Stand:
 def kobuki_wire(body: Body, timeline: Timeline) -> Stand:
     device = VirtualKobuki()
     device.body, device.wheels = body, body.wheels
-    return on_wire(device, timeline, lambda wire: KobukiBase(wire.link("base"), timeline.clock))
+    return on_wire(device, timeline, lambda wire: kobuki_base(wire.link("base"), timeline.clock))
 
 
 def kobuki_twin(body: Body, timeline: Timeline) -> Stand:
@@ -118,9 +119,9 @@ def rover_wire(body: Body, timeline: Timeline, *, encoders: bool = True) -> Stan
     unit = 1.0 if encoders else FULL / FASTEST
     device = VirtualWaveshare(body, track=TRACK, unit=unit, encoders=encoders)
 
-    def make(wire: HandWire) -> WaveshareBase:
+    def make(wire: HandWire) -> DiffDriveBase:
         link = wire.link("base")
-        return WaveshareBase(link, timeline.clock, track=TRACK, encoders=encoders, speed_at_full=FASTEST)
+        return waveshare_base(link, timeline.clock, track=TRACK, encoders=encoders, speed_at_full=FASTEST)
 
     return on_wire(device, timeline, make, measures=encoders)
 
@@ -128,8 +129,8 @@ def rover_wire(body: Body, timeline: Timeline, *, encoders: bool = True) -> Stan
 def car_wire(body: Body, timeline: Timeline) -> Stand:
     wheels = TwoWheels(TRACK, FASTEST)
 
-    def make(wire: HandWire) -> KeeperBase:
-        return KeeperBase(wire.link("base"), timeline.clock, track=TRACK, speed_at_full=FASTEST)
+    def make(wire: HandWire) -> DiffDriveBase:
+        return DiffDriveBase(wire.link("base"), timeline.clock, KeeperProtocol(TRACK, FASTEST))
 
     return on_wire(VirtualCar(body, wheels), timeline, make, measures=False)
 
@@ -144,8 +145,10 @@ def ros2_wire(body: Body, timeline: Timeline, *, topics: Mapping[str, str] = PLA
     device = VirtualBase(body, topics)
     device.odometry_interval = interval
 
-    def make(wire: HandWire) -> Ros2Base:
-        return Ros2Base(wire.link("base"), timeline.clock, device.channels, list(topics))
+    def make(wire: HandWire) -> DiffDriveBase:
+        limits = BaseLimits(0.5, 1.9, 0.5, 3.5)
+        protocol = Ros2BaseProtocol("base", timeline.clock, device.channels, list(topics), limits)
+        return DiffDriveBase(wire.link("base"), timeline.clock, protocol)
 
     return on_wire(device, timeline, make)
 

@@ -27,12 +27,12 @@ def mux() -> VelocityMultiplexer:
 
 def test_a_command_waits_until_the_first_renewal_that_obeys_it() -> None:
     waiting = mux()
-    waiting.steer(Velocity(0.1, 0.0), 1.0, None)
+    waiting.request(Velocity(0.1, 0.0), 1.0, None)
     for now in (1.015, 1.035):
-        waiting.velocity(now, None)
-    waiting.steer(Velocity(0.1, 0.0), 1.04, None)
-    waiting.velocity(1.045, None)
-    assert waiting.waits.counters("command") == {
+        waiting.next_velocity(now, None)
+    waiting.request(Velocity(0.1, 0.0), 1.04, None)
+    waiting.next_velocity(1.045, None)
+    assert waiting.command_delays.counters("command") == {
         "commands": 2,
         "command_us": pytest.approx(20_000),
         "longest_command_us": pytest.approx(15_000),
@@ -41,15 +41,15 @@ def test_a_command_waits_until_the_first_renewal_that_obeys_it() -> None:
 
 def test_a_command_that_was_never_obeyed_did_not_wait() -> None:
     stopped, overruled = mux(), mux()
-    stopped.steer(Velocity(0.1, 0.0), 1.0, None)
-    stopped.halt()
-    stopped.velocity(1.02, None)
-    overruled.steer(Velocity(0.1, 0.0), 1.0, None, Source.TELEOP)
-    overruled.velocity(1.02, None)
-    overruled.steer(Velocity(0.2, 0.0), 1.03, None)
-    overruled.velocity(1.04, None)
-    assert stopped.waits.counters("command")["commands"] == 0
-    assert overruled.waits.counters("command")["commands"] == 1
+    stopped.request(Velocity(0.1, 0.0), 1.0, None)
+    stopped.stop()
+    stopped.next_velocity(1.02, None)
+    overruled.request(Velocity(0.1, 0.0), 1.0, None, Source.TELEOP)
+    overruled.next_velocity(1.02, None)
+    overruled.request(Velocity(0.2, 0.0), 1.03, None)
+    overruled.next_velocity(1.04, None)
+    assert stopped.command_delays.counters("command")["commands"] == 0
+    assert overruled.command_delays.counters("command")["commands"] == 1
 
 
 def test_a_base_tells_how_far_apart_its_reports_come_and_how_long_commands_wait() -> None:

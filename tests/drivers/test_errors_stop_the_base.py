@@ -12,7 +12,7 @@ from drivers.api import STILL, BaseState, Pose2D, RangeScan, Source, Velocity, i
 from drivers.api.steering import GUARD_FAILED, SCANS_MISSING
 from drivers.base.limits import Limits
 from drivers.base.motion_fault import MotionFault
-from drivers.base.velocity_multiplexer import REPORTED_EVERY, VelocityMultiplexer
+from drivers.base.velocity_multiplexer import GUARD_REPORT_INTERVAL, VelocityMultiplexer
 from tests.contract.rigs import simulated
 from tests.contract.test_base_contract import BaseRig, TwinBase, WireBase
 from tests.contract.test_plain_base_contract import PiCar, Twin, WaveRover, Waveshare
@@ -63,9 +63,9 @@ class Driven:
         for _ in range(round(seconds / 0.02)):
             self.now += 0.02
             if wanted is not None:
-                self.mux.steer(wanted, self.now, self.felt, Source.TELEOP)
-            self.mux.feel(self.felt, self.now)
-            sent.append(self.mux.velocity(self.now, self.felt))
+                self.mux.request(wanted, self.now, self.felt, Source.TELEOP)
+            self.mux.on_state(self.felt, self.now)
+            sent.append(self.mux.next_velocity(self.now, self.felt))
             if self.mux.fault is not None and self.mux.fault not in self.faults:
                 self.faults.append(self.mux.fault)
         return sent
@@ -98,14 +98,14 @@ def test_a_failure_that_lasts_is_reported_again_but_not_at_each_renewal() -> Non
     bench = Driven()
     bench.guard.broken = True
     reported: list[MotionFault | None] = []
-    for _ in range(round(2.5 * REPORTED_EVERY / 0.02)):
+    for _ in range(round(2.5 * GUARD_REPORT_INTERVAL / 0.02)):
         bench.drive(0.02)
         if not reported or bench.mux.fault is not reported[-1]:
             reported.append(bench.mux.fault)
     assert len(reported) == 3
 
 
-@pytest.mark.parametrize("broken", ["_limits", "_arbiter", "_controller"])
+@pytest.mark.parametrize("broken", ["_limits", "_arbiter", "_safety"])
 def test_an_error_in_the_arbitration_latches_the_base_with_a_zero(broken: str) -> None:
     bench = Driven()
     assert bench.drive(0.5)[-1] == AHEAD
@@ -130,13 +130,13 @@ class Broken:
 
     def __getattr__(self, name: str) -> Any:
         found = getattr(self._good, name)
-        return raising if callable(found) and name not in ("calm", "forget", "release") else found
+        return raising if callable(found) and name not in ("cancel_back_off", "drop", "release") else found
 
 
 def test_reflexes_that_raise_latch_the_base(monkeypatch: pytest.MonkeyPatch) -> None:
     bench = Driven()
     bench.drive(0.5)
-    monkeypatch.setattr(bench.mux._controller, "feel", raising)
+    monkeypatch.setattr(bench.mux._safety, "update", raising)
     assert set(bench.drive(0.5)) == {STILL}
     assert "reflexes failed: RuntimeError: broken" in bench.mux.latched
 
@@ -189,7 +189,7 @@ def test_a_guard_that_raises_stops_every_base_and_is_reported(rig: BaseRig) -> N
     assert rig.told("fault", GUARD_FAILED)
 
 
-@pytest.mark.parametrize("part", ["velocity", "feel", "hear"])
+@pytest.mark.parametrize("part", ["next_velocity", "on_state", "on_report"])
 def test_an_error_of_the_multiplexer_stops_every_base(rig: BaseRig, part: str, monkeypatch: pytest.MonkeyPatch) -> None:
     mux = under_way(rig)
     monkeypatch.setattr(mux, part, raising)

@@ -14,11 +14,12 @@ from hypothesis import strategies as st
 
 from config.faults import InvalidFileError
 from drivers.api import DeviceStatus, HeadPose, Velocity
+from drivers.base.diff_drive import DiffDriveBase
 from drivers.base.reckoning import TwoWheels
 from drivers.errors import DeviceFault, DriverError
 from drivers.head.axis import ServoAxis
 from drivers.head.guardian_head import SILENT_AFTER, KeeperHead
-from drivers.pi_car.driver import KeeperBase
+from drivers.pi_car.driver import KeeperProtocol
 from drivers.sim.body import Body
 from drivers.sim.timeline import Timeline
 from drivers.transport import guardian_wire
@@ -70,8 +71,8 @@ class Bench:
         self.car = VirtualCar(Body(), TwoWheels(0.2, 0.5))
         self.servos = VirtualServos((90, 90), warm=warm)
         self.car_wire, self.head_wire = HandWire(self.car, self.timeline), HandWire(self.servos, self.timeline)
-        self.base = KeeperBase(
-            self.car_wire.link("base"), self.clock, track=0.2, speed_at_full=0.5, report=self.notices.append
+        self.base = DiffDriveBase(
+            self.car_wire.link("base"), self.clock, KeeperProtocol(0.2, 0.5), report=self.notices.append
         )
         self.head = KeeperHead(
             self.head_wire.link("head"),
@@ -207,7 +208,7 @@ def test_a_keeper_that_begins_anew_in_mid_move_is_noticed_and_nothing_of_before_
     bench.passes(1.0)
     assert bench.servos.angle(0, bench.clock.now()) == here < 90 + 65
     assert shares == bench.car.shares == (0.0, 0.0)
-    assert sum("begun anew" in notice.what for notice in bench.notices) == 2
+    assert sum("begun anew" in notice.what or "restarted" in notice.what for notice in bench.notices) == 2
     assert bench.head.health().returned is not None
     assert bench.base.health().returned is not None
     bench.head.look(HeadPose(0.0, 0.0))
@@ -284,13 +285,16 @@ def test_thousands_of_questions_with_every_mishap_both_ways_and_no_wrong_value(b
         aim(first, second, now)
 
     keeper._hands.aim = aimed  # type: ignore[method-assign]
-    go = bench.base._go
+    drive = bench.base.protocol.drive
 
-    def went(left: float, right: float) -> None:
-        sent.add((round(left * 2000), round(right * 2000)))
-        go(left, right)
+    def drives(velocity: Velocity, now: float) -> bytes:
+        half = 0.2 * velocity.angular / 2
+        left, right = velocity.linear - half, velocity.linear + half
+        excess = max(1.0, abs(left) / 0.5, abs(right) / 0.5)
+        sent.add((round(left / excess * 2000), round(right / excess * 2000)))
+        return drive(velocity, now)
 
-    bench.base._go = went  # type: ignore[method-assign]
+    bench.base.protocol.drive = drives  # type: ignore[method-assign]
     wheels, servos = Damaged(bench.car_wire, seed), Damaged(bench.head_wire, seed + 100)
     lost = 0
     while bench.base.health().counters["reports"] < TRANSACTIONS:

@@ -24,11 +24,12 @@ from drivers.api import (
     Velocity,
     ignore,
 )
+from drivers.base.diff_drive import DiffDriveBase
 from drivers.base.limits import Limits
 from drivers.clock import Clock, ManualClock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.kobuki.commands import OUTPUTS_AT_START, BaseControl, Extra, GetGains, SetGains, Sound
-from drivers.kobuki.driver import DOZE, SILENT_AFTER, TIMES, KobukiBase
+from drivers.kobuki.driver import DOZE, OFFLINE_AFTER, STOP_REPEATS, Identity, KobukiProtocol, kobuki_base
 from drivers.kobuki.feedback import FEEDBACK, METRES_PER_TICK, Core, Gains, Inertia
 from drivers.kobuki.odometry import Odometry, Senses, battery_percent
 from drivers.kobuki.virtual import VirtualKobuki
@@ -225,12 +226,17 @@ class Bench:
         self.link = DirectLink(self.device, self.clock)
         self.notices: list[DeviceStatus] = []
         self.changes = 0
-        self.base = KobukiBase(self.link, self.clock, report=self.notices.append, changed=self.count)
+        self.base = kobuki_base(self.link, self.clock, report=self.notices.append, changed=self.count)
         self.base.open()
         self.link.run(0.1)
 
     def count(self) -> None:
         self.changes += 1
+
+    @property
+    def identity(self) -> Identity:
+        assert isinstance(self.base.protocol, KobukiProtocol)
+        return self.base.protocol.identity
 
     def drive(self, seconds: float, linear: float, angular: float = 0.0) -> None:
         """Renew a command all the time for so long."""
@@ -250,7 +256,7 @@ def test_the_driver_is_a_base() -> None:
 
 def test_nothing_is_sent_nor_known_before_it_is_opened() -> None:
     clock = ManualClock()
-    base = KobukiBase(DirectLink(VirtualKobuki(), clock), clock)
+    base = kobuki_base(DirectLink(VirtualKobuki(), clock), clock)
     reading = base.state()
     assert (reading.value, reading.quality) == (None, Quality.NONE)
     assert base.heading_at(0.0) is None
@@ -277,7 +283,7 @@ def test_that_it_is_to_stand_is_renewed_after_every_report_at_first_and_seldom_l
     bench.base.stop()
     before = len(bench.link.velocities())
     bench.link.run(0.4)
-    assert bench.link.velocities()[before:] == [(0.0, 0.0)] * 20 * TIMES
+    assert bench.link.velocities()[before:] == [(0.0, 0.0)] * 20 * STOP_REPEATS
     bench.link.run(0.6)
     before = len(bench.link.velocities())
     bench.link.run(2.0)
@@ -327,7 +333,7 @@ def test_the_deadman_works_without_reports_too() -> None:
     bench = Bench()
     bench.drive(1.0, 0.3)
     bench.device.frozen = True
-    bench.link.run(SILENT_AFTER + 0.06)
+    bench.link.run(OFFLINE_AFTER + 0.06)
     assert bench.link.velocities()[-1] == (0.0, 0.0)
     with pytest.raises(NotConnected, match="open but silent"):
         bench.base.drive(Velocity(0.1, 0.0))
@@ -347,7 +353,7 @@ def test_it_does_not_go_on_blind() -> None:
     bench = Bench()
     bench.drive(1.0, 0.3)
     bench.device.frozen = True
-    bench.drive(SILENT_AFTER - 0.02, 0.3)
+    bench.drive(OFFLINE_AFTER - 0.02, 0.3)
     bench.link.run(0.08)  # the last command is not old yet
     assert bench.link.velocities()[-1] == (0.0, 0.0)
 
@@ -356,11 +362,11 @@ def test_asked_to_drive_while_nothing_is_heard_it_tells_the_base_to_stand_still(
     bench = Bench()
     bench.drive(1.0, 0.3)
     bench.device.frozen = True
-    bench.clock.advance(SILENT_AFTER + 0.01)  # nobody renews: the link's thread may be stuck
+    bench.clock.advance(OFFLINE_AFTER + 0.01)  # nobody renews: the link's thread may be stuck
     sent = len(bench.link.velocities())
     with pytest.raises(NotConnected, match="open but silent"):
         bench.base.drive(Velocity(0.3, 0.0))
-    assert bench.link.velocities()[sent:] == [(0.0, 0.0)] * TIMES
+    assert bench.link.velocities()[sent:] == [(0.0, 0.0)] * STOP_REPEATS
 
 
 LENGTHS = pytest.mark.parametrize("length", [3, 85, 254, 255])
@@ -611,12 +617,12 @@ def test_buttons_and_battery_are_passed_on() -> None:
 def test_the_base_is_asked_who_it_is_until_it_answers() -> None:
     bench = Bench(MuteKobuki())
     bench.link.run(3.0)
-    assert bench.base.identity.missing == Extra.FIRMWARE
+    assert bench.identity.missing == Extra.FIRMWARE
     assert isinstance(bench.device, MuteKobuki)
     bench.device.mute = False
     bench.link.run(1.0)
-    assert str(bench.base.identity.firmware) == "1.2.0"
-    assert str(bench.base.identity.hardware) == "1.0.4"
+    assert str(bench.identity.firmware) == "1.2.0"
+    assert str(bench.identity.hardware) == "1.0.4"
     asked = sum(b"\x09\x02" in data for data in bench.link.sent)
     bench.link.run(2.0)
     assert sum(b"\x09\x02" in data for data in bench.link.sent) == asked
@@ -717,7 +723,7 @@ class Rig:
     """A driver with its link, a virtual base, and the notices of both driver and link."""
 
     clock: Clock
-    base: KobukiBase
+    base: DiffDriveBase
 
     def __init__(self) -> None:
         self.device = VirtualKobuki()
@@ -754,7 +760,7 @@ class HandRig(Rig):
         self.clock = self.timeline.clock
         self.wire = HandWire(self.device, self.timeline)
         link = self.wire.link("base", report=self.notices.append)
-        self.base = KobukiBase(link, self.clock, report=self.notices.append)
+        self.base = kobuki_base(link, self.clock, report=self.notices.append)
 
     def until(self, holds: Callable[[], object]) -> None:
         pass_until(self.timeline, holds)
@@ -810,7 +816,7 @@ def test_at_rest_silence_is_told_in_time_and_its_last_report_is_stale_by_then(ri
     rig.until(lambda: rig.base.state().quality is Quality.STALE)
     assert rig.clock.now() - frozen <= 0.1 + DOZE
     rig.until(lambda: "offline" in rig.kinds())
-    assert rig.clock.now() - frozen <= SILENT_AFTER + DOZE
+    assert rig.clock.now() - frozen <= OFFLINE_AFTER + DOZE
 
 
 def test_a_silent_wire_is_offline_and_comes_back(rig: HandRig) -> None:
@@ -829,7 +835,7 @@ def test_listeners_that_raise_neither_keep_it_driving_nor_hold_the_port(rig: Han
         raise error
 
     rig.base.close()
-    rig.base = KobukiBase(rig.wire.link("base", report=throw), rig.clock, report=throw, changed=throw)
+    rig.base = kobuki_base(rig.wire.link("base", report=throw), rig.clock, report=throw, changed=throw)
     rig.base.open()
     rig.until(rig.driving)
     rig.device.bumper = Sides(left=True)
@@ -867,7 +873,7 @@ class Ported(Rig):
         self.clock = PatientClock()
         self.terminal = Terminal("kobuki", self.device, self.clock)
         link = Link("base", self.terminal.path, BAUD, retry=0.05, report=self.notices.append)
-        self.base = KobukiBase(link, self.clock, report=self.notices.append)
+        self.base = kobuki_base(link, self.clock, report=self.notices.append)
 
 
 @pytest.fixture

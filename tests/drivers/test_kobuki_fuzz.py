@@ -3,8 +3,8 @@
 from random import Random
 
 from drivers.kobuki.commands import COMMANDS
+from drivers.kobuki.driver import KobukiProtocol
 from drivers.kobuki.feedback import FEEDBACK
-from drivers.kobuki.listener import Listener
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.kobuki.wire import FrameFinder, decode, frame
 
@@ -72,14 +72,14 @@ def mutated(whole: list[bytes], random: Random) -> tuple[bytes, list[tuple[int, 
     return bytes(stream), untouched
 
 
-def fed(stream: bytes, random: Random) -> tuple[list[bytes], Listener]:
+def fed(stream: bytes, random: Random) -> tuple[list[bytes], KobukiProtocol]:
     """Feed a stream, cut anywhere, to a finder and to the driver's ear; return the payloads, and the ear."""
-    finder, listener, found, at = FrameFinder(), Listener(), [], 0
+    finder, listener, found, at = FrameFinder(), KobukiProtocol(), [], 0
     while at < len(stream):
         piece = stream[at : at + random.randint(1, 200)]
         at += len(piece)
         found += finder.feed(piece)
-        listener.feed(piece, at * 1e-4)
+        listener.parse(piece, at * 1e-4)
     assert listener.counters()["frames"] == finder.frames == len(found)
     return found, listener
 

@@ -66,11 +66,11 @@ class Bench:
                 self.under_way.append((self.now + self.late, self.report(self.wheels)))
             while self.under_way and self.under_way[0][0] <= self.now + 1e-9:
                 self.felt = self.under_way.pop(0)[1]
-                self.mux.hear(self.now)
-                self.mux.feel(self.felt, self.now)
+                self.mux.on_report(self.now)
+                self.mux.on_state(self.felt, self.now)
             if velocity is not None:
-                self.mux.steer(velocity, self.now, self.felt, source)
-            sent = self.mux.velocity(self.now, self.felt)
+                self.mux.request(velocity, self.now, self.felt, source)
+            sent = self.mux.next_velocity(self.now, self.felt)
             self.wheels.command(sent.linear, sent.angular, self.now)
         return self.mux.steering.fault
 
@@ -89,7 +89,7 @@ def test_a_base_that_measures_nothing_or_the_opposite_is_stopped_within_a_second
 ) -> None:
     bench = Bench(report, wheels=Wheels(dead_time=0.1))
     assert bench.time_to_fault(velocity) <= 1.3
-    assert bench.mux.velocity(bench.now, bench.felt) == STILL
+    assert bench.mux.next_velocity(bench.now, bench.felt) == STILL
     assert "commanded" in bench.mux.steering.fault
     assert bench.mux.steering.because == bench.mux.steering.fault
 
@@ -154,7 +154,7 @@ def test_a_monitor_that_raises_stops_the_base() -> None:
     bench = Bench()
     bench.mux.monitor = Broken()
     assert "the progress monitor failed" in bench.drive(AHEAD, 0.1)
-    assert bench.mux.velocity(bench.now, bench.felt) == STILL
+    assert bench.mux.next_velocity(bench.now, bench.felt) == STILL
 
 
 def test_renewed_commands_do_not_restart_a_stopped_base_but_fresh_ones_do() -> None:
@@ -164,7 +164,7 @@ def test_renewed_commands_do_not_restart_a_stopped_base_but_fresh_ones_do() -> N
     where = bench.wheels.pose
     assert bench.drive(AHEAD, 3.0)
     assert bench.wheels.pose.x == pytest.approx(where.x, abs=0.05)
-    bench.mux.halt(Source.MISSION)
+    bench.mux.stop(Source.MISSION)
     assert bench.mux.steering.fault == ""
     assert not bench.drive(AHEAD, 1.0)
     assert bench.mux.steering.given == AHEAD
@@ -187,7 +187,7 @@ def test_faults_that_recur_latch_the_base_until_it_is_enabled() -> None:
     bench = Bench(nothing)
     for _ in range(MAX_FAULTS - 1):
         bench.time_to_fault(AHEAD)
-        bench.mux.halt(Source.MISSION)
+        bench.mux.stop(Source.MISSION)
         bench.drive(None, 0.8)
     assert not bench.mux.latched
     bench.drive(AHEAD, 2.0)
@@ -209,7 +209,7 @@ def test_an_overload_is_counted_from_the_start_of_each_motion() -> None:
     bench = Bench(lambda wheels: BaseState(wheels.pose, wheels.velocity, overcurrent=loaded))
     for _ in range(4):
         assert not bench.drive(AHEAD, 0.4)
-        bench.mux.halt(Source.MISSION)
+        bench.mux.stop(Source.MISSION)
         assert not bench.drive(None, 0.2)
     assert bench.time_to_fault(AHEAD) == pytest.approx(1.0, abs=0.1)
 
@@ -220,8 +220,8 @@ def test_the_next_leaf_moves_the_base_at_once_after_a_fault(velocity: Velocity) 
     bench.time_to_fault(AHEAD)
     bench.report = odometry
     bench.drive(AHEAD, 0.1)  # until the leaf sees the fault
-    bench.mux.halt()  # as a leaf does that fails
-    assert bench.mux.steer(velocity, bench.now, bench.felt) == velocity
+    bench.mux.stop()  # as a leaf does that fails
+    assert bench.mux.request(velocity, bench.now, bench.felt) == velocity
     assert not bench.drive(velocity, 1.0)
     assert bench.mux.steering.given == velocity
 
@@ -232,7 +232,7 @@ def test_a_stop_of_the_mission_releases_no_person() -> None:
         pass
     bench.report = odometry
     for _ in range(20):
-        bench.mux.halt()
+        bench.mux.stop()
         assert bench.drive(AHEAD, 0.1, Source.TELEOP)
 
 
@@ -243,10 +243,10 @@ def test_leaves_that_try_again_at_once_latch_a_blocked_base_at_the_third_fault()
         assert bench.now < 10.0
         if bench.drive(AHEAD, PERIOD):
             faults += 1
-            bench.mux.halt()
+            bench.mux.stop()
     assert faults == MAX_FAULTS - 1
     assert not bench.drive(LEFT, 1.0)
-    assert bench.mux.velocity(bench.now, bench.felt) == STILL
+    assert bench.mux.next_velocity(bench.now, bench.felt) == STILL
 
 
 def test_a_person_may_drive_on_while_the_mission_is_held() -> None:
@@ -254,6 +254,6 @@ def test_a_person_may_drive_on_while_the_mission_is_held() -> None:
     bench.time_to_fault(AHEAD)
     assert bench.mux.steering.wanted == AHEAD
     bench.report = odometry
-    bench.mux.steer(AHEAD, bench.now, bench.felt)  # the mission goes on commanding
+    bench.mux.request(AHEAD, bench.now, bench.felt)  # the mission goes on commanding
     assert not bench.drive(LEFT, 0.5, Source.TELEOP)
     assert (bench.mux.steering.given, bench.mux.steering.fault) == (LEFT, "")

@@ -12,7 +12,7 @@ from drivers.sim.body import Body
 from drivers.sim.timeline import Timeline
 from drivers.transport.lines import LineFinder
 from drivers.waveshare import wire
-from drivers.waveshare.driver import HEARTBEAT, WaveshareBase
+from drivers.waveshare.driver import HEARTBEAT, waveshare_base
 from drivers.waveshare.virtual import VOLTS, VirtualWaveshare
 from tests.drivers.cranked import HandWire, pass_until
 from tests.drivers.fault_injection import FaultInjection
@@ -33,7 +33,7 @@ class Bench:
         self.rover = VirtualWaveshare(Body(), track=TRACK, unit=unit, encoders=encoders, echoes=echoes)
         self.wire = HandWire(self.rover, self.timeline)
         self.notices: list[DeviceStatus] = []
-        self.base = WaveshareBase(
+        self.base = waveshare_base(
             self.wire.link("base", report=self.notices.append),
             self.clock,
             track=TRACK,
@@ -204,7 +204,7 @@ def test_without_encoders_full_power_is_the_speed_that_the_robot_file_gives(open
 
 
 def test_no_wheel_is_told_more_than_its_full_power(open_loop: Bench) -> None:
-    open_loop.base = WaveshareBase(
+    open_loop.base = waveshare_base(
         open_loop.wire.link("base"), open_loop.clock, track=TRACK, encoders=False, speed_at_full=0.3, max_linear=0.3
     )
     open_loop.start()

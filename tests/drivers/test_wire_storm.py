@@ -13,7 +13,7 @@ from random import Random
 
 from drivers.api import STILL, Velocity
 from drivers.errors import DriverError
-from drivers.kobuki.driver import KobukiBase
+from drivers.kobuki.driver import kobuki_base
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.sim.timeline import Timeline
 from tests.drivers.cranked import HandWire
@@ -63,7 +63,7 @@ class Storm:
         self.kobuki = VirtualKobuki()
         self.bent = Bent(self.kobuki)
         self.wire = HandWire(self.bent, self.timeline)
-        self.base = KobukiBase(self.wire.link("base"), self.clock)
+        self.base = kobuki_base(self.wire.link("base"), self.clock)
         self.happening: Counter[str] = Counter()
         self.struck: Counter[str] = Counter()
         self.goal = Velocity(0.2, 0.0)

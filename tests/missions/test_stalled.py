@@ -15,7 +15,7 @@ from config.library import find
 from drivers.api import Velocity
 from drivers.api.sections import BaseKeys
 from drivers.clock import Clock, ManualClock, SystemClock
-from drivers.kobuki.driver import KobukiBase
+from drivers.kobuki.driver import kobuki_base
 from drivers.kobuki.virtual import PERIOD as REPORT
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.virtual.terminal import Terminal
@@ -61,7 +61,7 @@ def time_to_rest(config: BaseKeys, wanted: Velocity, seconds: float) -> float:
     """Drive so for a while, then tick no more; return the seconds from the last tick to rest."""
     clock, kobuki = ManualClock(), VirtualKobuki()
     link = DirectLink(kobuki, clock)
-    base = KobukiBase(link, clock, max_linear=config.max_speed, max_angular=config.max_turn)
+    base = kobuki_base(link, clock, max_linear=config.max_speed, max_angular=config.max_turn)
     base.open()
     link.run(0.1)
     ticked = 0.0

@@ -15,7 +15,7 @@ from behaviours.leaf import Leaf
 from behaviours.mirror import Mirror as Led
 from behaviours.stopping import Stopping
 from drivers.api import Velocity, ignore
-from drivers.base.arbitrated import SteeredBase
+from drivers.base.arbitrated import ArbitratedBase
 from drivers.base.range_guard import RangeGuard
 from drivers.errors import DeviceFault
 from drivers.servos.twin import JointsTwin
@@ -159,7 +159,7 @@ def on_others(mission: str, part: str = "", faults: tuple[str, ...] = ()) -> Wea
 @pytest.mark.parametrize(
     ("owner", "name", "fault", "shows", "promise"),
     [
-        (SteeredBase, "latch", ignore, weather("run stopped at 1 s for 1 s"), "latched"),
+        (ArbitratedBase, "latch", ignore, weather("run stopped at 1 s for 1 s"), "latched"),
         (RangeGuard, "limit", unlimited, INTO_ANNA, "no_touch"),
         (Executive, "_keep_watch", ignore, weather(*PAUSED), "battery"),
         (Executive, "_give_up", gone_on, weather("base battery at 3 % at 0.1 s"), "battery"),

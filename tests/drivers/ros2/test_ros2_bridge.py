@@ -236,7 +236,7 @@ def test_another_type_and_malformed_messages_behind_a_bridge_are_reported(robot:
     mismatch = f"/tb4/odom: expected {ODOMETRY}, but a node sends {STRING}"
     wait_until(lambda: mismatch in [each.what for each in robot.told])
     wrong.undeclare()
-    wait_until(lambda: robot.base._faults.why(1) != mismatch)
+    wait_until(lambda: robot.base.protocol._faults.why(1) != mismatch)  # type: ignore[attr-defined]
 
 
 @pytest.mark.real_time
@@ -244,7 +244,7 @@ def test_odometry_of_two_bridges_is_not_driven_by(robot: Bridged) -> None:
     robot.open()
     other: Any = open_session("bridge", Access((robot.terminal.path,)), patience=5.0)
     token = other.liveliness().declare_token(f"@/{other.zid()}/@ros2_lv/MP/tb4§odom/nav_msgs§msg§Odometry/:::10,1")
-    wait_until(lambda: "two nodes send /tb4/odom" in robot.base.health().detail)
+    wait_until(lambda: "two publishers on /tb4/odom" in robot.base.health().detail)
     token.undeclare()
     other.close()
     wait_until(lambda: robot.base.health().online)

@@ -15,10 +15,12 @@ import pytest
 
 from config.library import find
 from config.robot import RobotConfig
+from drivers.api import BaseLimits
 from drivers.api.driver import Site
 from drivers.base.arbitrated import settings_of
+from drivers.base.diff_drive import DiffDriveBase
 from drivers.ros2 import wire
-from drivers.ros2.base import KINDS, SENT, Ros2Base
+from drivers.ros2.base import KINDS, SENT, Ros2BaseProtocol
 from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
 from drivers.ros2.line import Channel
 from drivers.ros2.make import topics_of
@@ -95,7 +97,9 @@ def test_the_base_goes_where_its_odometry_says(robot: tuple[RobotConfig, list[di
     channels = [Channel(full(config, topic), KINDS[word], word in SENT) for word, topic in topics.items()]
     said = Captured(lines, channels)
     link = HandWire(said, timeline).link("base")
-    base = Ros2Base(link, timeline.clock, channels, list(topics), **settings_of(keys, Site(timeline.clock)))
+    limits = BaseLimits(keys.max_speed, keys.max_turn, keys.acceleration, keys.turn_acceleration)
+    protocol = Ros2BaseProtocol("base", timeline.clock, channels, list(topics), limits)
+    base = DiffDriveBase(link, timeline.clock, protocol, **settings_of(keys, Site(timeline.clock)))
     base.open()
     timeline.run(said.due[-1][0] + 0.05)
     health, state, told = base.health(), base.state().value, said.told(full(config, keys.odom))

@@ -78,6 +78,11 @@ class Part:
         self.device.received(wire.frame(self.number, payload))
 
     @property
+    def topics(self) -> Any:
+        """What reads the messages: of a base, its protocol."""
+        return getattr(self.device, "protocol", self.device)
+
+    @property
     def faults(self) -> list[str]:
         return [each.what for each in self.told if each.kind == "fault"]
 
@@ -142,20 +147,20 @@ def test_another_type_under_the_name_of_a_topic_is_reported_for_as_long_as_it_is
     (fault,) = part.faults
     assert fault.endswith(f": {why}")
     part.clock.advance(REPORT_INTERVAL + RECENT)
-    assert part.device._faults.why(number) == fault
+    assert part.topics._faults.why(number) == fault
     part.device.received(wire.mismatch(number, ""))
-    assert part.device._faults.why(number) == ""
+    assert part.topics._faults.why(number) == ""
 
 
 def test_a_part_that_is_silent_for_its_malformed_messages_says_so() -> None:
     part = Part("base")
-    part.device._kinds |= {"odom": (ODOMETRY,), "cmd_vel": ("geometry_msgs/msg/Twist",)}
+    part.topics._kinds |= {"odom": (ODOMETRY,), "cmd_vel": ("geometry_msgs/msg/Twist",)}
     part.hear(TEXT)
-    what, hint = part.device._silence(part.clock.now())
+    what, hint = part.topics.offline_reason(part.clock.now(), "", 0, silent=False)
     assert what.startswith(f"base: /odom: malformed message: expected {ODOMETRY}, got")
     assert "mission ros2 echo /odom" in hint
     part.clock.advance(RECENT + 0.1)
-    assert part.device._silence(part.clock.now())[0] == "base: /odom: no odometry comes"
+    assert part.topics.offline_reason(part.clock.now(), "", 0, silent=False)[0] == "base: /odom: no odometry comes"
 
 
 def test_a_joint_whose_position_is_not_a_number_is_named() -> None:

@@ -8,9 +8,9 @@ import pytest
 
 from drivers.api import STILL, DeviceStatus, Velocity
 from drivers.api.driver import Site
+from drivers.base.diff_drive import DiffDriveBase
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
-from drivers.ros2.base import Ros2Base
 from drivers.ros2.camera import IMAGES, picture
 from drivers.ros2.declared import Ros2BaseKeys, Ros2CameraKeys, Ros2RangeKeys, ZenohKeys
 from drivers.ros2.graph import Ros2Graph
@@ -46,7 +46,7 @@ class Robot:
         keys = ZenohKeys(router=router or self.terminal.path, namespace=namespace, domain=0, mode=mode)
         self.graph: Ros2Graph = make_graph(keys, self._site())
         parts = {"ros2": self.graph}
-        self.base: Ros2Base = make_base(Ros2BaseKeys(), self._site(parts))
+        self.base: DiffDriveBase = make_base(Ros2BaseKeys(), self._site(parts))
         self.ranger: Ros2Ranger = make_ranger(Ros2RangeKeys(), self._site(parts))
         self.devices = (self.base, self.ranger, self.graph)
 

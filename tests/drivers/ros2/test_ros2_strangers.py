@@ -237,7 +237,7 @@ def test_somebody_who_sets_the_heading_of_its_odometry_alone_does_not_turn_it(ba
 
 def test_the_frame_of_its_odometry_goes_without_the_slash_that_tf_refuses(base: Topics) -> None:
     frames: list[str] = []
-    base.device._anchored = lambda _, frame: frames.append(frame)  # type: ignore[attr-defined]
+    base.device.protocol._anchored = lambda _, frame: frames.append(frame)  # type: ignore[attr-defined]
     odometry(base, 40.0, 7.0, about_z(0.0), "/tb4/odom")
     odometry(base, 80.0, 7.0, about_z(0.0), "tb4/odom")
     assert frames == ["tb4/odom", "tb4/odom"]

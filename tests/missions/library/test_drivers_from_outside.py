@@ -58,7 +58,7 @@ def mission(site: Path, *arguments: str, folder: Path = SAMPLE) -> subprocess.Co
 def test_what_the_page_shows_is_what_the_sample_is_made_of() -> None:
     sources = "\n".join(path.read_text(encoding="utf-8") for path in [*SAMPLE.rglob("*.py"), SAMPLE / "pyproject.toml"])
     blocks = re.findall(r"```(?:python|toml)\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    assert len(blocks) == 5
+    assert len(blocks) == 6
     for block in blocks:
         for piece in filter(None, (piece.strip("\n") for piece in re.split(r"\n{3,}", block))):
             lines = [line for line in piece.splitlines() if not line.startswith(("from ", "import "))]

@@ -68,7 +68,7 @@ def test_a_base_goes_no_faster_than_it_was_tuned_to(tuning: Tuning, runner: Runn
     assert (told["value"], told["tuned"]) == (0.2, True)
     assert base.limits == BaseLimits(0.2, base.limits.turn, 0.5, radians(200))
     runner.assembled.open()
-    assert base._mux.steer(Velocity(0.5, 0.0), 0.0, BaseState(Pose2D(0.0, 0.0, 0.0), STILL)) == Velocity(0.2, 0.0)  # type: ignore[attr-defined]
+    assert base._mux.request(Velocity(0.5, 0.0), 0.0, BaseState(Pose2D(0.0, 0.0, 0.0), STILL)) == Velocity(0.2, 0.0)  # type: ignore[attr-defined]
     tuning.tune("base.max_speed", 0.5)
     assert base.limits.speed == 0.5
 

@@ -7,7 +7,7 @@ import pytest
 
 from drivers.api import Sides
 from drivers.base.arbitrated import settings_of
-from drivers.kobuki.driver import DOZE, KobukiBase
+from drivers.kobuki.driver import DOZE, kobuki_base
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.sim.timeline import Timeline
 from missions.plugins.testing.failsafe.eyes import StagedRanger
@@ -32,7 +32,7 @@ class WireHand:
     def __init__(self, setting: Setting, timeline: Timeline) -> None:
         self.kobuki = VirtualKobuki()
         self.wire = HandWire(self.kobuki, timeline)
-        self.base = KobukiBase(self.wire.link("base"), timeline.clock, **settings_of(keys_for(setting), Nobody()))
+        self.base = kobuki_base(self.wire.link("base"), timeline.clock, **settings_of(keys_for(setting), Nobody()))
         self.eyes = StagedRanger(self.base, timeline.clock)
 
     def feel(self, bumper: Sides = NOTHING, cliff: Sides = NOTHING, buttons: frozenset[int] = frozenset()) -> None:

@@ -165,7 +165,7 @@ class Ride:
 
 @dataclass(frozen=True, slots=True)
 class Nobody:
-    """Whom a base tells that nobody watches: a ``drivers.base.arbitrated.Told``."""
+    """Whom a base tells that nobody watches: a ``drivers.base.arbitrated.BaseCallbacks``."""
 
     report: Report = ignore
     changed: Callable[[], None] = ignore

@@ -11,7 +11,7 @@ import pytest
 from drivers.api import DeviceStatus, Source, Velocity
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NotConnected
-from drivers.kobuki.driver import KobukiBase
+from drivers.kobuki.driver import kobuki_base
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.kobuki.wire import BAUD
 from drivers.transport.link import Link
@@ -64,7 +64,7 @@ def node(tmp_path: Path) -> Iterator[Node]:
 def test_whoever_holds_the_button_has_the_wheels_and_the_mission_gets_them_back(node: Node) -> None:
     clock, ending = SystemClock(), Event()
     terminal = Terminal("kobuki", VirtualKobuki(), clock)
-    base = KobukiBase(Link("base", terminal.path, BAUD), clock)
+    base = kobuki_base(Link("base", terminal.path, BAUD), clock)
     beside = Beside(base, node.pad, clock)
     node.plug()
 

@@ -1,0 +1,376 @@
+"""Driver of a base on two driven wheels: connection, arbitration, renewal of commands, and health.
+
+A brand adds a ``DiffDriveProtocol``, which turns bytes into states and velocities into bytes without any I/O. The
+current setpoint is sent after each report, and at least every ``RENEWAL_INTERVAL``. So a computer that hangs falls
+silent, and the watchdog of the base stops the wheels.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import field, replace
+from math import inf
+from types import MappingProxyType
+from typing import Unpack
+
+from drivers.api import (
+    STILL,
+    BaseState,
+    DeviceStatus,
+    Health,
+    Lamp,
+    Quality,
+    Reading,
+    Source,
+    Tune,
+    Velocity,
+    ignore,
+)
+from drivers.api.quick import dataclass
+from drivers.base.arbitrated import ArbitratedBase, BaseSettings
+from drivers.base.progress_monitor import Instruments
+from drivers.base.requests import check_light, check_tone
+from drivers.clock import Clock
+from drivers.errors import NotConnected
+from drivers.transport.link import Link
+
+RENEWAL_INTERVAL = 0.04
+"""Seconds between two commands while no report arrives."""
+
+STOP_TIME = 0.5
+"""Seconds for which a stop is repeated at each renewal: a command may be lost on the wire."""
+
+LATCHED_INTERVAL = 0.2
+"""Longest interval in seconds between two stops of a latched base."""
+
+GREETING_INTERVAL = 0.5
+"""Seconds between two greetings of a base that does not report."""
+
+FINAL_STOPS = 5
+"""Number of stops before the port is closed. No later command would repair one that the wire has damaged."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """Times of a base, in seconds.
+
+    A state is stale ``stale_after`` its measurement, and the base is offline ``offline_after`` its last report.
+    A report arrives ``report_delay`` after its measurement. At rest, a command is sent every ``idle_interval``, and
+    reports may gather for ``doze`` before they are read.
+    """
+
+    stale_after: float = 0.15
+    offline_after: float = 0.3
+    report_delay: float = 0.0
+    idle_interval: float = 0.2
+    doze: float = 0.0
+
+
+@dataclass(slots=True)
+class Parsed:
+    """Content of received bytes.
+
+    ``states`` are the reported states, oldest first. ``reply`` is to be sent. ``faults`` are pairs of a fault and a
+    hint. ``restarted`` is such a pair if the base has restarted: then it must not execute commands from before.
+    """
+
+    states: list[BaseState] = field(default_factory=list)
+    reply: bytes = b""
+    faults: list[tuple[str, str]] = field(default_factory=list)
+    restarted: tuple[str, str] | None = None
+
+
+class DiffDriveProtocol(ABC):
+    """Protocol of one brand, without I/O: methods return the bytes to send, none if there is nothing to send.
+
+    Times are seconds on a monotonic clock. ``DiffDriveBase`` calls all methods with its lock held.
+
+    Attributes:
+        instruments: names of the instruments that measure the motion.
+        timing: may be a property, for a base whose report interval varies.
+        model: the device in error messages, such as ``a Kobuki``.
+        noun: the device in hints, such as ``rover``.
+    """
+
+    instruments = Instruments()
+    timing = Timing()
+    model = "a base"
+    noun = "base"
+
+    def restart(self) -> None:  # noqa: B027 - optional
+        """Drop partial messages of the previous connection. The pose continues."""
+
+    @abstractmethod
+    def greet(self) -> bytes:
+        """Return the start of a connection: settings, and a request for reports. Repeated while the base is silent."""
+
+    @abstractmethod
+    def parse(self, data: bytes, now: float) -> Parsed:
+        """Parse received bytes, split anywhere; ``now`` is the time of their measurement."""
+
+    @abstractmethod
+    def drive(self, velocity: Velocity, now: float) -> bytes:
+        """Return the command that drives at ``velocity``."""
+
+    def stop(self, now: float) -> bytes:
+        """Return the command that stops the wheels, repeated if the wire may swallow one."""
+        return self.drive(STILL, now)
+
+    def query(self, now: float) -> bytes:  # noqa: ARG002
+        """Return the question that is due now."""
+        return b""
+
+    def is_ready(self, now: float) -> bool:  # noqa: ARG002
+        """Return False while the base reports but cannot be driven."""
+        return True
+
+    def counters(self) -> Mapping[str, int]:
+        """Return totals for ``drivers.api.Health``."""
+        return MappingProxyType({})
+
+    def offline_reason(self, now: float, where: str, baud: int, *, silent: bool) -> tuple[str, str]:  # noqa: ARG002
+        """Return why an open port brings no reports, and a hint. ``where`` names part and port."""
+        if silent:
+            what = f"{where}: open but silent; is the {self.noun} switched on?"
+            return what, f"switch the {self.noun} on; then look at its cable"
+        return f"{where}: bytes arrive, but no report of {self.model}", f"is it the right port, at {baud} baud?"
+
+    def play(self, tune: Tune) -> bytes:  # noqa: ARG002
+        """Return the command that plays a tune."""
+        return b""
+
+    def tone(self, frequency: float, seconds: float) -> bytes:  # noqa: ARG002
+        """Return the command that plays a tone of ``frequency`` Hz."""
+        return b""
+
+    def light(self, number: int, colour: Lamp) -> bytes:  # noqa: ARG002
+        """Return the command that switches a light."""
+        return b""
+
+
+class DiffDriveBase(ArbitratedBase):
+    """A ``drivers.api.Base`` that speaks ``protocol`` over ``link``. It owns both.
+
+    ``on_stop`` is called when all sources are stopped or the base is latched, to stop other nodes that drive it.
+    Callbacks are called from the link's thread, and must return at once. ``drivers.transport.link.Link`` calls the methods of
+    ``drivers.transport.link.Talker`` from that thread, too.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        clock: Clock,
+        protocol: DiffDriveProtocol,
+        *,
+        on_stop: Callable[[], None] = ignore,
+        **settings: Unpack[BaseSettings],
+    ) -> None:
+        super().__init__(clock, instruments=protocol.instruments, **settings)
+        self.protocol = protocol
+        self._link = link
+        self._on_stop = on_stop
+        self._closing = self._dozing = False
+        # Written by the link's thread alone, and replaced, never altered: any thread may read it.
+        self._latest: Reading[BaseState] = Reading(None, -inf, Quality.NONE)
+        self._connected_at = self._heard_at = self._bytes_at = -inf
+        self._renewed_at = self._sent_at = self._moved_at = self._greeted_at = -inf
+
+    def open(self) -> None:
+        """Start to look for the base; return at once."""
+        with self._lock:
+            self._closing = False
+            self._mux.absence.begin()
+        self._link.open(self)
+
+    def state(self) -> Reading[BaseState]:
+        """Return the last reported state."""
+        latest, now, timing = self._latest, self._clock.now(), self.protocol.timing
+        if latest.value is None:
+            return replace(latest, stamp=now)
+        fresh = now - latest.stamp <= timing.stale_after + timing.doze * self._dozing
+        return latest if fresh else replace(latest, quality=Quality.STALE)
+
+    def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
+        """Request a velocity; see ``ArbitratedBase``. A base at rest is woken."""
+        accepted = super().drive(velocity, source=source)
+        if self._dozing and accepted != STILL:
+            self._link.wake()
+        return accepted
+
+    def stop(self, *, source: Source | None = None) -> None:
+        """Stop; see ``ArbitratedBase``. Also stop other nodes that drive the base, unless ``source`` alone is meant."""
+        super().stop(source=source)
+        if source is None and not self._closing:
+            self._on_stop()
+
+    def close(self) -> None:
+        """Stop the wheels, end the thread and release the port. Safe from any state, more than once."""
+        with self._lock:
+            self._closing = True  # from here on every renewal is a zero as well
+        try:
+            self._send_final_stops()
+        finally:
+            self._link.close()
+
+    def health(self) -> Health:
+        """Return whether reports arrive, and the counters of the wire."""
+        link = self._link.health()
+        counters = {**link.counters, **self.protocol.counters(), **self._mux.command_delays.counters("command")}
+        returned = self._mux.absence.returned
+        if (error := self._offline_error(self._clock.now())) is None:
+            return Health(True, counters=counters, returned=returned)
+        return Health(False, str(error), error.hint, counters, returned)
+
+    def play(self, tune: Tune) -> None:
+        """Play a tune. Raises NotConnected."""
+        self._require_online()
+        self._write(lambda: self.protocol.play(tune))
+
+    def tone(self, frequency: float, seconds: float) -> None:
+        """Play a tone of ``frequency`` Hz, for 0.255 s at most. Raises BadRequest, NotConnected."""
+        check_tone(self.name, frequency, seconds)
+        self._require_online()
+        self._write(lambda: self.protocol.tone(frequency, seconds))
+
+    def light(self, number: int, colour: Lamp) -> None:
+        """Switch light 1 or 2. Raises BadRequest for another, NotConnected."""
+        check_light(self.name, number)
+        self._require_online()
+        self._write(lambda: self.protocol.light(number, colour))
+
+    # --- drivers.transport.link.Talker ------------------------------------------------------------------------------------------
+
+    def connected(self) -> None:
+        """Greet the base on a port that was just opened. Commands from before are dropped."""
+        now = self._clock.now()
+        with self._lock:
+            self._mux.stop()
+            self.protocol.restart()
+        self._connected_at = self._moved_at = now  # a program before this one may have left it moving
+        self._silent = False
+        self._greet(now)
+
+    def received(self, data: bytes) -> None:
+        """Parse reports, and respond to them at once."""
+        now = self._bytes_at = self._clock.now()
+        with self._lock:
+            parsed = self.protocol.parse(data, now - self.protocol.timing.report_delay)
+            if parsed.restarted is not None:
+                self._mux.on_report(now, restarted=True)
+        faults = [*parsed.faults, *([] if parsed.restarted is None else [parsed.restarted])]
+        for fault, hint in faults:
+            self._report(DeviceStatus(self.name, "fault", fault, hint))
+        if parsed.states:
+            self._take(parsed.states, now)
+        if parsed.reply:
+            self._link.write(parsed.reply)
+
+    def pulse(self) -> float | None:
+        """Renew the command, send questions that are due, and detect silence. Return how long reports may gather."""
+        now = self._clock.now()
+        if now - self._renewed_at >= RENEWAL_INTERVAL:
+            self._renew(now)
+        if now - max(self._greeted_at, self._heard_at) >= GREETING_INTERVAL:
+            self._greet(now)
+        self._write(lambda: self.protocol.query(now))
+        if not self._silent and now - max(self._connected_at, self._heard_at) > self.protocol.timing.offline_after:
+            self._silent = True
+            self._report(DeviceStatus(self.name, "offline", *self._offline_reason(now)))
+        reported = self._heard_at == self._bytes_at and now - self._heard_at < RENEWAL_INTERVAL
+        self._dozing = reported and self._is_idle(now)
+        return self.protocol.timing.doze if self._dozing and not self._mux.request_pending else None
+
+    def ending(self) -> None:
+        """Stop the wheels as the thread ends, for whatever reason."""
+        self._send_final_stops()
+
+    # --- the inside ---------------------------------------------------------------------------------------------------
+
+    def _take(self, states: list[BaseState], now: float) -> None:
+        """Take new states, oldest first. Raises NotConnected."""
+        before, stamp = self._latest.value, now - self.protocol.timing.report_delay
+        self._latest = Reading(states[-1], stamp, Quality.GOOD)
+        self._remember(stamp, states[-1].pose)
+        with self._lock:
+            self._mux.on_report(now)
+            for state in states:  # a contact may last for a single one
+                self._mux.on_state(state, now)
+        self._heard_at = now  # last: a thread that sees the base online also sees its state
+        self._renew(now)
+        self._report_online(f"{self._link.port}: the base reports again")
+        self._report_changes(before, states)
+
+    def _is_idle(self, now: float) -> bool:
+        """Return whether the base rests and nothing depends on a single report."""
+        # A base that counts as disconnected after a short silence needs each report.
+        doze = self.protocol.timing.doze
+        may_doze = doze > 0.0 and self._mux.absence.shortest > 3 * doze
+        return may_doze and now - self._moved_at >= STOP_TIME and not self._mux.needs_pose
+
+    def _greet(self, now: float) -> None:
+        self._greeted_at = now
+        self._write(self.protocol.greet)
+
+    def _send_final_stops(self) -> None:
+        for _ in range(FINAL_STOPS):
+            self.stop()
+
+    def _renew(self, now: float) -> None:
+        """Send the current setpoint; skip it if the base is idle and was sent zero recently. Raises NotConnected."""
+        with self._lock, self._stopping_on_error():
+            state = self._latest.value if self._is_online(now) else None
+            if self._closing:
+                self._mux.stop()
+            velocity = self._mux.next_velocity(now, state)
+            if velocity != STILL:
+                self._moved_at = now
+            idle_interval = self.protocol.timing.idle_interval
+            if self._mux.latched:
+                idle_interval = min(idle_interval, LATCHED_INTERVAL)
+            if now - self._moved_at < STOP_TIME:
+                self._send(self.protocol.stop(now) if velocity == STILL else self.protocol.drive(velocity, now))
+            elif now - self._sent_at >= idle_interval:
+                self._send(self.protocol.drive(velocity, now))
+            steering = self._mux.steering
+        self._renewed_at = now
+        self._report_steering(steering)
+
+    def _send(self, command: bytes) -> None:
+        self._sent_at = self._clock.now()
+        if command:
+            self._link.write(command)
+
+    def _write(self, make: Callable[[], bytes]) -> None:
+        with self._lock:
+            if data := make():
+                self._link.write(data)
+
+    def _is_online(self, now: float) -> bool:
+        """Return whether reports arrive on this connection, and the base can be driven."""
+        reports = self._heard_at >= self._connected_at and now - self._heard_at <= self.protocol.timing.offline_after
+        return reports and self.protocol.is_ready(now)
+
+    @property
+    def _last_state(self) -> BaseState | None:
+        return self._latest.value
+
+    def _offline_error(self, now: float) -> NotConnected | None:
+        if self._link.online and self._is_online(now):
+            return None
+        link = self._link.health()
+        detail, hint = self._offline_reason(now) if link.online else (link.detail, link.hint)
+        return NotConnected(detail, hint=hint)
+
+    def _offline_reason(self, now: float) -> tuple[str, str]:
+        silent = now - self._bytes_at > self.protocol.timing.offline_after
+        return self.protocol.offline_reason(now, f"{self.name}: {self._link.port}", self._link.baud, silent=silent)
+
+    def _require_online(self) -> None:
+        if (error := self._offline_error(self._clock.now())) is not None:
+            raise error
+
+    def _send_stop(self) -> None:
+        now = self._clock.now()
+        self._moved_at = now  # so that renewals repeat it: one may be lost
+        with suppress(NotConnected):
+            self._send(self.protocol.stop(now))
