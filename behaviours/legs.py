@@ -181,6 +181,7 @@ UPRIGHT_WITHIN = 2.0
 class Act(Paces):
     """Lets the legs perform an ``act``."""
 
+    needs = frozenset({"base", "legs"})
     act: ClassVar[str]
 
     def seconds_needed(self, state: BaseState, start: Pose2D) -> float:
@@ -189,7 +190,7 @@ class Act(Paces):
 
     def go(self, state: BaseState, start: Pose2D) -> Status:
         del state, start
-        done = self.robot.base.perform(self.act)
+        done = self.robot.legs.perform(self.act)
         return SUCCESS if done >= 1.0 else self.wait(f"{100 * done:.0f} %")
 
     def halting(self) -> bool:
@@ -226,6 +227,7 @@ class PlayGait(Paces):
     """
 
     word = "play_gait"
+    needs = frozenset({"base", "legs"})
     stores = "how many cycles it has played"
     keeps = float
     gait: GaitKeys = argument("gait", "which: a name, or a file (.yaml)", principal=True)
@@ -244,7 +246,7 @@ class PlayGait(Paces):
         del start
         if self._stopping:
             return self.wait("coming to a stand") if state.posture is Posture.MOVING else SUCCESS
-        done = self.result = self.robot.base.perform("gait", self.gait)
+        done = self.result = self.robot.legs.perform("gait", self.gait)
         # The last cycle is the one in which it comes to a stand.
         if self.cycles is not None and done >= max(self.cycles - 1, 1):
             self.result = float(self.cycles)

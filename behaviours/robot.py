@@ -7,8 +7,8 @@ from typing import Any, TypeVar
 from behaviours.joint_ranges import JointRanges
 from behaviours.run import log
 from behaviours.tracking.lag import Lag
-from drivers.api import Base, Head, Imu, Joints, Ranger, Ros2, Screen, Voice
-from drivers.api.kinds import KINDS, Kind
+from drivers.api import Base, Head, Imu, Joints, Legs, Lights, Ranger, Ros2, Screen, Sounds, Voice
+from drivers.api.kinds import CAPABILITIES, KINDS, Kind
 from drivers.api.quick import dataclass
 from drivers.errors import BadRequest
 from perception.api import Hearing, Sight
@@ -60,6 +60,21 @@ class Robot:
     def base(self) -> Base:
         """The base."""
         return _there(self.base_part, "base")
+
+    @property
+    def sounds(self) -> Sounds:
+        """The sounder of the base."""
+        return _there(self.base.sounds, "sounds")
+
+    @property
+    def lights(self) -> Lights:
+        """The lights of the base."""
+        return _there(self.base.lights, "lights")
+
+    @property
+    def legs(self) -> Legs:
+        """The legs of the base."""
+        return _there(self.base.legs, "legs")
 
     @property
     def head(self) -> Head:
@@ -117,6 +132,12 @@ class Robot:
     def parts(self) -> frozenset[str]:
         """The names of the parts that are there."""
         return frozenset(name for name, _, part in _parts(self) if part is not None)
+
+    @property
+    def capabilities(self) -> frozenset[str]:
+        """The names of the optional capabilities that are there; see ``drivers.api.kinds.CAPABILITIES``."""
+        owners = {name: getattr(self, f"{KINDS[kind].field}_part") for name, kind in CAPABILITIES.items()}
+        return frozenset(name for name, owner in owners.items() if getattr(owner, name, None) is not None)
 
     def of(self, named: Mapping[str, str]) -> "Robot":
         """Return the robot as who means these parts sees it, each named by its kind: that one is its only one.

@@ -13,7 +13,7 @@ class Sound(Leaf):
     """
 
     word = "sound"
-    needs = frozenset({"base"})
+    needs = frozenset({"base", "sounds"})
     tune: str | None = argument("choice", "which tune", default=None, choices=tuple(Tune), principal=True)
     tone: float | None = argument("frequency", "a tone instead", default=None, low=6.0, high=20_000.0)
     duration: float = argument("duration", "how long the tone is", default=0.1, low=0.005, high=0.255)
@@ -22,9 +22,9 @@ class Sound(Leaf):
         if (self.tune is None) == (self.tone is None):
             return self.fail("needs either a tune or a tone")
         if self.tune is not None:
-            self.robot.base.play(Tune(self.tune))
+            self.robot.sounds.play(Tune(self.tune))
         elif self.tone is not None:
-            self.robot.base.tone(self.tone, self.duration)
+            self.robot.sounds.tone(self.tone, self.duration)
         return SUCCESS
 
 
@@ -35,10 +35,10 @@ class Led(Leaf):
     """
 
     word = "led"
-    needs = frozenset({"base"})
+    needs = frozenset({"base", "lights"})
     colour: str = argument("choice", "what it shows", choices=tuple(Lamp), principal=True)
     number: int = argument("count", "which: 1 or 2", default=1, low=1, high=2)
 
     def update(self) -> Status:
-        self.robot.base.light(self.number, Lamp(self.colour))
+        self.robot.lights.light(self.number, Lamp(self.colour))
         return SUCCESS

@@ -180,7 +180,7 @@ def load(
     run.variables.update(state_of(asking, run, guard))
     root = build(plan, run, lambda node: asking.of(getattr(node, "named_parts", {})))
     executive = Executive(root, run, stream, mission=plan.mission, guard=guard, answers=answers)
-    return Mission(executive, lacks=(plan.tree.needs | plan.tree.claims) - parts.parts)
+    return Mission(executive, lacks=(plan.tree.needs | plan.tree.claims) - parts.parts - parts.capabilities)
 
 
 def wrap(tree: Behaviour) -> Mission:

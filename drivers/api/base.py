@@ -6,7 +6,7 @@ from typing import Protocol
 
 from drivers.api.device import Device, Reading
 from drivers.api.gait import GaitKeys
-from drivers.api.marks import command, fixed
+from drivers.api.marks import capability, command, direct, fixed
 from drivers.api.quick import dataclass
 from drivers.api.steering import Source, Steering, Velocity
 from drivers.errors import BadRequest
@@ -172,7 +172,7 @@ class BaseState:
 
 
 PERFORMED = ("stand", "sit", "gait")
-"""What legs can be told to perform."""
+"""The acts that legs can perform."""
 
 FALLEN = "it has fallen"
 """Why a base with legs is latched that lies."""
@@ -185,8 +185,76 @@ def _as_mission(source: Source) -> Source:
     return source
 
 
+class Capability(Protocol):
+    """An optional capability of a part, which shares the name of that part."""
+
+    @property
+    @direct
+    def name(self) -> str:
+        """The name of the part."""
+        ...
+
+
+class Sounds(Capability, Protocol):
+    """Capability of a base with a sounder."""
+
+    @command("after")
+    def play(self, tune: Tune) -> None:
+        """Play a tune. Raises NotConnected."""
+        ...
+
+    @command("after")
+    def tone(self, frequency: float, seconds: float) -> None:
+        """Play a tone of ``frequency`` Hz, for 0.255 s at most. Raises BadRequest, NotConnected."""
+        ...
+
+
+class Lights(Capability, Protocol):
+    """Capability of a base with two lights."""
+
+    @command("after")
+    def light(self, number: int, colour: Lamp) -> None:
+        """Switch light 1 or 2. Raises BadRequest for another, NotConnected."""
+        ...
+
+
+class Legs(Capability, Protocol):
+    """Capability of a base that walks."""
+
+    @command("never", moves=True)
+    def perform(self, act: str, gait: GaitKeys | None = None) -> float:
+        """Perform one of ``PERFORMED`` for ``COMMAND_LIFE``, with a ``gait`` for that act alone.
+
+        Return the progress: a share of 0..1, or the cycles of a gait. An act that is not renewed ends by itself, in a
+        stand or on the way to it. Raises BadRequest for an act that the legs cannot perform, NotConnected, and
+        DeviceFault while the base is latched.
+        """
+        ...
+
+
 class Base(Device, Protocol):
-    """A base on two wheels. Who may tell it how to move, and what it does by itself: see ``drivers.api.steering``."""
+    """A mobile base, on wheels or legs. Arbitration between sources and reflexes: see ``drivers.api.steering``.
+
+    ``sounds``, ``lights`` and ``legs`` are None for a base without them.
+    """
+
+    @property
+    @capability
+    def sounds(self) -> Sounds | None:
+        """The sounder."""
+        ...
+
+    @property
+    @capability
+    def lights(self) -> Lights | None:
+        """The lights."""
+        ...
+
+    @property
+    @capability
+    def legs(self) -> Legs | None:
+        """The legs."""
+        ...
 
     @property
     @fixed
@@ -205,16 +273,6 @@ class Base(Device, Protocol):
 
         That is standing still while a more important source has the wheels. Raises BadRequest for a value that is not
         finite or for ``Source.SAFETY``, NotConnected, and DeviceFault while it is latched.
-        """
-        ...
-
-    @command("never", moves=True)
-    def perform(self, act: str, gait: GaitKeys | None = None) -> float:
-        """Perform one of ``PERFORMED`` with its legs, a ``gait`` with which, for ``COMMAND_LIFE`` at most.
-
-        Return how far it has come: a share, 1 in the end; of a gait, its cycles. One that is not told to go on ends by
-        itself: in a stand, or on the way to it. Raises BadRequest for a base without legs and for what they cannot do,
-        NotConnected, and DeviceFault while it is latched.
         """
         ...
 
@@ -239,21 +297,6 @@ class Base(Device, Protocol):
     @property
     def latched(self) -> str:
         """Why it is latched; empty while it is not."""
-        ...
-
-    @command("after")
-    def play(self, tune: Tune) -> None:
-        """Play a tune. Raises NotConnected."""
-        ...
-
-    @command("after")
-    def tone(self, frequency: float, seconds: float) -> None:
-        """Play one tone of ``frequency`` hertz, for 0.255 s at most. Raises BadRequest, NotConnected."""
-        ...
-
-    @command("after")
-    def light(self, number: int, colour: Lamp) -> None:
-        """Switch a light: 1 or 2. Raises BadRequest for another, NotConnected."""
         ...
 
     def state(self) -> Reading[BaseState]:

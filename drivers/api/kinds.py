@@ -145,6 +145,9 @@ KINDS: Mapping[str, Kind] = {
 last the nodes of ROS 2, by which others say their last word."""
 
 
+CAPABILITIES: Mapping[str, str] = {"sounds": "base", "lights": "base", "legs": "base"}
+"""Names of optional capabilities, as leaves need them, with the kind of part that may have them."""
+
 SEVERAL = tuple(kind.name for kind in KINDS.values() if kind.several)
 """The kinds of which a robot may have several. A leaf says which one it means by an argument of such a kind."""
 

@@ -9,7 +9,7 @@ from dataclasses import field
 from functools import cache
 from inspect import Parameter, signature
 from types import FunctionType
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar, get_args
 
 from drivers.api.quick import dataclass
 
@@ -60,6 +60,11 @@ def fixed(member: F) -> F:
     return _marked("fixed")(member)
 
 
+def capability(member: F) -> F:
+    """Mark the getter of an optional capability: an object with a protocol of its own, or None."""
+    return _marked("capability")(member)
+
+
 def direct(member: F) -> F:
     """Mark a member that is the device's own: neither told nor recorded."""
     return _marked("direct")(member)
@@ -77,17 +82,18 @@ def _marked(mark: object) -> Callable[[F], F]:
 class Member:
     """A member of a protocol. ``kind`` is how a proxy treats it: a ``reading`` is a question without arguments.
 
-    ``command`` is there for commands alone, ``parameters`` for methods. ``sampled`` is True for what is sampled each
-    time, ``fixed`` for what is sampled once.
+    ``command`` is there for commands alone, ``parameters`` for methods, ``protocol`` for capabilities. ``sampled`` is
+    True for what is sampled each time, ``fixed`` for what is sampled once.
     """
 
     name: str
-    kind: Literal["command", "reading", "question", "property", "direct method", "direct property"]
+    kind: Literal["command", "reading", "question", "property", "direct method", "direct property", "capability"]
     function: Callable[..., object]
     parameters: tuple[Parameter, ...] = ()
     command: Command | None = None
     sampled: bool = False
     fixed: bool = False
+    protocol: type | None = None
 
 
 @cache
@@ -102,14 +108,19 @@ def members(protocol: type) -> Mapping[str, Member]:
 
 
 def commands(protocol: type) -> frozenset[str]:
-    """Return the names of what a part with this protocol is told; the rest it is asked."""
-    return frozenset(name for name, member in members(protocol).items() if member.command is not None)
+    """Return the names of the command methods of a protocol and of its capabilities; all others are queries."""
+    known = members(protocol).values()
+    own = frozenset(each.name for each in known if each.command is not None)
+    return own.union(*(commands(each.protocol) for each in known if each.protocol is not None))
 
 
 def _member(name: str, value: FunctionType | property) -> Member:
     if isinstance(value, property):
         getter: Any = value.fget
         mark = getter.__dict__.get(_MARK)
+        if mark == "capability":
+            optional, _ = get_args(getter.__annotations__["return"])
+            return Member(name, "capability", getter, protocol=optional)
         return Member(name, "direct property" if mark == "direct" else "property", getter, fixed=mark == "fixed")
     mark = value.__dict__.get(_MARK)
     _, *parameters = signature(value).parameters.values()

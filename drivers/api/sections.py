@@ -60,6 +60,11 @@ class BaseKeys:
     """Seconds from a command to its effect where the file does not say: what users measured on a Kobuki, and more."""
 
     @property
+    def capabilities(self) -> frozenset[str]:
+        """Names of the optional capabilities of this base, of ``drivers.api.kinds.CAPABILITIES``."""
+        return frozenset()
+
+    @property
     def guards(self) -> bool:
         """Whether the range guard is on, for a robot with a range finder."""
         return self.range_guard != "off"

@@ -13,18 +13,20 @@ from drivers.api import (
     DeviceStatus,
     DockBeam,
     Imu,
+    Legs,
+    Lights,
     Pose2D,
     Ranger,
     Reading,
     Reflexes,
     Report,
+    Sounds,
     Source,
     Steered,
     Steering,
     Velocity,
     ignore,
 )
-from drivers.api.gait import GaitKeys
 from drivers.api.sections import BaseKeys
 from drivers.base.changes import compare
 from drivers.base.limits import Limits
@@ -33,7 +35,7 @@ from drivers.base.progress_monitor import Instruments, ProgressMonitor
 from drivers.base.requests import check, require
 from drivers.base.velocity_multiplexer import VelocityMultiplexer
 from drivers.clock import Clock
-from drivers.errors import BadRequest, NotConnected
+from drivers.errors import NotConnected
 from drivers.transport.guard import guarded
 from drivers.transport.history import History
 
@@ -102,6 +104,9 @@ class ArbitratedBase(ABC):
     """
 
     name = "base"
+    sounds: Sounds | None = None
+    lights: Lights | None = None
+    legs: Legs | None = None
     has_witnesses = True
     """Whether range finder and IMU can check the motion of this base."""
 
@@ -185,10 +190,6 @@ class ArbitratedBase(ABC):
         with self._lock:
             require(self.name, self._mux.latched)
             return self._mux.request(velocity, now, self._last_state, source)
-
-    def perform(self, act: str, gait: GaitKeys | None = None) -> float:  # noqa: ARG002 - it has no legs for that
-        """Raise BadRequest: it goes on wheels."""
-        raise BadRequest(f"{self.name}: it has no legs to {act} with", hint="this needs a base of `driver: legs`")
 
     def stop(self, *, source: Source | None = None) -> None:
         """Drop the setpoint of ``source``, or of all sources if None, and stop without a ramp.

@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import field, replace
 from math import inf
 from types import MappingProxyType
-from typing import Unpack
+from typing import Protocol, Unpack
 
 from drivers.api import (
     STILL,
@@ -80,6 +80,26 @@ class Parsed:
     restarted: tuple[str, str] | None = None
 
 
+class SoundProtocol(Protocol):
+    """Commands of a sounder, without I/O."""
+
+    def play(self, tune: Tune) -> bytes:
+        """Return the command that plays a tune."""
+        ...
+
+    def tone(self, frequency: float, seconds: float) -> bytes:
+        """Return the command that plays a tone of ``frequency`` Hz."""
+        ...
+
+
+class LightProtocol(Protocol):
+    """Commands of two lights, without I/O."""
+
+    def light(self, number: int, colour: Lamp) -> bytes:
+        """Return the command that switches light 1 or 2."""
+        ...
+
+
 class DiffDriveProtocol(ABC):
     """Protocol of one brand, without I/O: methods return the bytes to send, none if there is nothing to send.
 
@@ -90,12 +110,16 @@ class DiffDriveProtocol(ABC):
         timing: may be a property, for a base whose report interval varies.
         model: the device in error messages, such as ``a Kobuki``.
         noun: the device in hints, such as ``rover``.
+        sounds: commands of the sounder; None for a base without one.
+        lights: commands of the lights; None for a base without lights.
     """
 
     instruments = Instruments()
     timing = Timing()
     model = "a base"
     noun = "base"
+    sounds: SoundProtocol | None = None
+    lights: LightProtocol | None = None
 
     def restart(self) -> None:  # noqa: B027 - optional
         """Drop partial messages of the previous connection. The pose continues."""
@@ -135,25 +159,47 @@ class DiffDriveProtocol(ABC):
             return what, f"switch the {self.noun} on; then look at its cable"
         return f"{where}: bytes arrive, but no report of {self.model}", f"is it the right port, at {baud} baud?"
 
-    def play(self, tune: Tune) -> bytes:  # noqa: ARG002
-        """Return the command that plays a tune."""
-        return b""
 
-    def tone(self, frequency: float, seconds: float) -> bytes:  # noqa: ARG002
-        """Return the command that plays a tone of ``frequency`` Hz."""
-        return b""
+Send = Callable[[Callable[[], bytes]], None]
+"""Sends the bytes that a function returns. Raises NotConnected."""
 
-    def light(self, number: int, colour: Lamp) -> bytes:  # noqa: ARG002
-        """Return the command that switches a light."""
-        return b""
+
+class SoundsOnWire:
+    """``drivers.api.Sounds`` of a base on a wire."""
+
+    def __init__(self, name: str, protocol: SoundProtocol, send: Send) -> None:
+        self.name = name
+        self._protocol, self._send = protocol, send
+
+    def play(self, tune: Tune) -> None:
+        """Play a tune. Raises NotConnected."""
+        self._send(lambda: self._protocol.play(tune))
+
+    def tone(self, frequency: float, seconds: float) -> None:
+        """Play a tone of ``frequency`` Hz. Raises BadRequest, NotConnected."""
+        check_tone(self.name, frequency, seconds)
+        self._send(lambda: self._protocol.tone(frequency, seconds))
+
+
+class LightsOnWire:
+    """``drivers.api.Lights`` of a base on a wire."""
+
+    def __init__(self, name: str, protocol: LightProtocol, send: Send) -> None:
+        self.name = name
+        self._protocol, self._send = protocol, send
+
+    def light(self, number: int, colour: Lamp) -> None:
+        """Switch light 1 or 2. Raises BadRequest for another, NotConnected."""
+        check_light(self.name, number)
+        self._send(lambda: self._protocol.light(number, colour))
 
 
 class DiffDriveBase(ArbitratedBase):
     """A ``drivers.api.Base`` that speaks ``protocol`` over ``link``. It owns both.
 
     ``on_stop`` is called when all sources are stopped or the base is latched, to stop other nodes that drive it.
-    Callbacks are called from the link's thread, and must return at once. ``drivers.transport.link.Link`` calls the methods of
-    ``drivers.transport.link.Talker`` from that thread, too.
+    Callbacks are called from the link's thread, and must return at once. The link also calls the methods of
+    ``drivers.transport.link.Talker`` from there.
     """
 
     def __init__(
@@ -167,6 +213,10 @@ class DiffDriveBase(ArbitratedBase):
     ) -> None:
         super().__init__(clock, instruments=protocol.instruments, **settings)
         self.protocol = protocol
+        if protocol.sounds is not None:
+            self.sounds = SoundsOnWire(self.name, protocol.sounds, self._send_extra)
+        if protocol.lights is not None:
+            self.lights = LightsOnWire(self.name, protocol.lights, self._send_extra)
         self._link = link
         self._on_stop = on_stop
         self._closing = self._dozing = False
@@ -221,24 +271,7 @@ class DiffDriveBase(ArbitratedBase):
             return Health(True, counters=counters, returned=returned)
         return Health(False, str(error), error.hint, counters, returned)
 
-    def play(self, tune: Tune) -> None:
-        """Play a tune. Raises NotConnected."""
-        self._require_online()
-        self._write(lambda: self.protocol.play(tune))
-
-    def tone(self, frequency: float, seconds: float) -> None:
-        """Play a tone of ``frequency`` Hz, for 0.255 s at most. Raises BadRequest, NotConnected."""
-        check_tone(self.name, frequency, seconds)
-        self._require_online()
-        self._write(lambda: self.protocol.tone(frequency, seconds))
-
-    def light(self, number: int, colour: Lamp) -> None:
-        """Switch light 1 or 2. Raises BadRequest for another, NotConnected."""
-        check_light(self.name, number)
-        self._require_online()
-        self._write(lambda: self.protocol.light(number, colour))
-
-    # --- drivers.transport.link.Talker ------------------------------------------------------------------------------------------
+    # --- drivers.transport.link.Talker --------------------------------------------------------------------------------
 
     def connected(self) -> None:
         """Greet the base on a port that was just opened. Commands from before are dropped."""
@@ -365,9 +398,11 @@ class DiffDriveBase(ArbitratedBase):
         silent = now - self._bytes_at > self.protocol.timing.offline_after
         return self.protocol.offline_reason(now, f"{self.name}: {self._link.port}", self._link.baud, silent=silent)
 
-    def _require_online(self) -> None:
+    def _send_extra(self, make: Callable[[], bytes]) -> None:
+        """Send a command that does not move the base. Raises NotConnected."""
         if (error := self._offline_error(self._clock.now())) is not None:
             raise error
+        self._write(make)
 
     def _send_stop(self) -> None:
         now = self._clock.now()

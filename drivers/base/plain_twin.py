@@ -35,7 +35,7 @@ class PlainTwin(BaseTwin):
         seed: int = 0,
         **settings: Unpack[BaseSettings],
     ) -> None:
-        super().__init__(clock, body=body, dropouts=dropouts, seed=seed, **settings)
+        super().__init__(clock, body=body, dropouts=dropouts, seed=seed, capabilities=(), **settings)
         self._wheels = wheels
         self._reckoned = reckoned
         self._gauge = gauge

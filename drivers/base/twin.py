@@ -1,5 +1,6 @@
 """The twin of a Kobuki: the real driver's rules and odometry over a simulated body, in one thread."""
 
+from collections.abc import Collection
 from dataclasses import replace
 from math import degrees, inf
 from random import Random
@@ -33,37 +34,37 @@ from drivers.sim.plug import Plug
 from drivers.sim.things import NO_SIGNALS
 from drivers.sim.wheels import DelayLine
 
-# What the twin of a Kobuki has beside its wheels: tunes and lights, noted where nobody hears or sees them.
+# Sounder and lights of a simulated base: they note the commands.
 
 
 class PanelTwin:
-    """Commands that do not move the base. For one thread.
+    """``drivers.api.Sounds`` and ``drivers.api.Lights`` of the base ``name``. For one thread.
 
-    ``played`` are the tunes and tones (hertz, seconds) that it was asked for, ``lights`` the colours of its lights.
+    ``played`` are the requested tunes and tones (hertz, seconds), ``colours`` are those of the lights.
     """
 
     def __init__(self, name: str, plug: Plug) -> None:
-        self._name = name
-        self.plug = plug
+        self.name = name
         self.played: list[Tune | tuple[float, float]] = []
-        self.lights: dict[int, Lamp] = dict.fromkeys(LIGHTS, Lamp.OFF)
+        self.colours: dict[int, Lamp] = dict.fromkeys(LIGHTS, Lamp.OFF)
+        self._plug = plug
 
     def play(self, tune: Tune) -> None:
-        """Note a tune in ``played``. Raises NotConnected."""
-        self.plug.require()
+        """Note a tune. Raises NotConnected."""
+        self._plug.require()
         self.played.append(tune)
 
     def tone(self, frequency: float, seconds: float) -> None:
-        """Note a tone in ``played``. Raises BadRequest, NotConnected."""
-        check_tone(self._name, frequency, seconds)
-        self.plug.require()
+        """Note a tone. Raises BadRequest, NotConnected."""
+        check_tone(self.name, frequency, seconds)
+        self._plug.require()
         self.played.append((frequency, seconds))
 
     def light(self, number: int, colour: Lamp) -> None:
         """Switch light 1 or 2. Raises BadRequest for another, NotConnected."""
-        check_light(self._name, number)
-        self.plug.require()
-        self.lights[number] = colour
+        check_light(self.name, number)
+        self._plug.require()
+        self.colours[number] = colour
 
 
 Contacts = tuple[Sides, Sides, Sides, frozenset[str], frozenset[int], bool]
@@ -86,12 +87,13 @@ class Course(Protocol):
         ...
 
 
-class BaseTwin(ArbitratedBase, PanelTwin):
+class BaseTwin(ArbitratedBase):
     """A ``drivers.api.Base`` made of arithmetic. ``step`` is to be called every ``PERIOD``; for one thread.
 
     Limits as for ``KobukiBase``, and kept by the same code. Its pose is odometry, as the real one's: the encoders of
     ``body`` and a gyro, each report of which errs by ``gyro_noise`` rad/s (standard deviation). ``dropouts`` is the
     share 0..1 of reports that get lost. What is left to chance is drawn from ``seed``.
+    ``capabilities`` are the optional ones that it has.
     ``changed`` is called whenever a contact, a hazard or a button changes, ``steered`` with each change of who commands
     or of what came of it.
     Raises ValueError for values that make no sense.
@@ -108,12 +110,18 @@ class BaseTwin(ArbitratedBase, PanelTwin):
         gyro_noise: float = 0.0,
         dropouts: float = 0.0,
         seed: int = 0,
+        capabilities: Collection[str] = ("sounds", "lights"),
         **settings: Unpack[BaseSettings],
     ) -> None:
         if not (0 <= dropouts <= 1 and 0 <= gyro_noise < inf):
             raise ValueError(f"{self.name}: {dropouts=}, {gyro_noise=}: out of range")
-        ArbitratedBase.__init__(self, clock, self.instruments, **settings)
-        PanelTwin.__init__(self, self.name, Plug(self.name, self._report, back=self._connected))
+        super().__init__(clock, self.instruments, **settings)
+        self.plug = Plug(self.name, self._report, back=self._connected)
+        self.panel = PanelTwin(self.name, self.plug)
+        if "sounds" in capabilities:
+            self.sounds = self.panel
+        if "lights" in capabilities:
+            self.lights = self.panel
         self.body = body or Body()
         self._odometry = Odometry()
         self._random = Random(f"{seed} {self.name}")  # noqa: S311 - chance, not a secret

@@ -12,6 +12,11 @@ class KobukiKeys(BaseKeys, Wired):
     max_speed: float = key("speed", default=0.5, low=0.01, high=0.7, help="The highest speed.")
     max_turn: float = key("turn rate", default=1.9, low=0.01, high=3.2, help="The highest turn rate.")
 
+    @property
+    def capabilities(self) -> frozenset[str]:
+        """Every Kobuki has a sounder and two lights."""
+        return frozenset({"sounds", "lights"})
+
 
 KOBUKI = Driver(
     "kobuki",

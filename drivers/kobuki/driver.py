@@ -101,6 +101,7 @@ class KobukiProtocol(DiffDriveProtocol):
     model = "a Kobuki"
 
     def __init__(self) -> None:
+        self.sounds = self.lights = self
         self.identity = Identity()
         self._outputs = OUTPUTS_AT_START
         self._finder = FrameFinder()

@@ -166,6 +166,11 @@ class LegsKeys(BaseKeys):
     )
     at_fall: Literal["relax", "hold"] = key(default="relax", help="When it has fallen it goes limp, or stays stiff.")
 
+    @property
+    def capabilities(self) -> frozenset[str]:
+        """Legs alone."""
+        return frozenset({"legs"})
+
 
 def on_its_joints(keys: LegsKeys, others: Mapping[str, object]) -> Iterator[Mistake]:
     """Yield joints of the body that the arm section does not have."""

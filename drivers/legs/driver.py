@@ -22,18 +22,16 @@ from drivers.api import (
     Health,
     Joints,
     JointState,
-    Lamp,
     Pose2D,
     Quality,
     Reading,
     Source,
-    Tune,
     Velocity,
 )
 from drivers.api import Posture as Poised
 from drivers.api.gait import GaitKeys
 from drivers.base.arbitrated import ArbitratedBase, BaseSettings
-from drivers.base.requests import check_light, check_tone, require
+from drivers.base.requests import require
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, DriverError, NotConnected
 from drivers.legs.acts import Acts
@@ -79,6 +77,7 @@ class LegsBase(ArbitratedBase):
         **settings: Unpack[BaseSettings],
     ) -> None:
         super().__init__(clock, **settings)
+        self.legs = self
         if isinstance(joints, CommandedJoints):
             joints.watched = False  # the floor keeps joints from their goals that carry a body
         self._joints, self._engine, self._felt_now = joints, engine, felt
@@ -105,7 +104,7 @@ class LegsBase(ArbitratedBase):
         return super().drive(velocity, source=source)
 
     def perform(self, act: str, gait: GaitKeys | None = None) -> float:
-        """Perform an act of the legs, once a walk has ended; see ``drivers.api.Base``. It is not for legs that lie."""
+        """Perform an act of the legs, once a walk has ended; see ``drivers.api.Legs``. It is not for legs that lie."""
         self._require()
         with self._lock:
             require(self.name, self._mux.latched)
@@ -298,20 +297,6 @@ class LegsBase(ArbitratedBase):
             self._silent = True
             health = self.health()
             self._report(DeviceStatus(self.name, "offline", health.detail, health.hint))
-
-    def play(self, tune: Tune) -> None:  # noqa: ARG002 - it has nothing to play it on
-        """Do nothing: it has no sounder. Raises NotConnected."""
-        self._require()
-
-    def tone(self, frequency: float, seconds: float) -> None:
-        """Do nothing: it has no sounder. Raises BadRequest, NotConnected."""
-        check_tone(self.name, frequency, seconds)
-        self._require()
-
-    def light(self, number: int, colour: Lamp) -> None:  # noqa: ARG002 - it has none to show it
-        """Do nothing: it has no lights. Raises BadRequest for another number than 1 and 2, NotConnected."""
-        check_light(self.name, number)
-        self._require()
 
     # --- of ArbitratedBase --------------------------------------------------------------------------------------------
 

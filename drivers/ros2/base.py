@@ -167,6 +167,8 @@ class Ros2BaseProtocol(DiffDriveProtocol):
         anchored: Callable[[Pose2D, str], None] = lambda pose, frame: None,  # noqa: ARG005
         entrusted: Callable[[], bool] = lambda: False,
     ) -> None:
+        self.sounds = self if "sounds" in words else None
+        self.lights = self if "lights" in words else None
         self._name, self._channels, self._words, self._limits = name, channels, list(words), limits
         self._anchored, self._entrusted = anchored, entrusted
         self._reported: list[DeviceStatus] = []  # faults of topics, since the last ``parse``
@@ -278,8 +280,7 @@ class Ros2BaseProtocol(DiffDriveProtocol):
         )
 
     def _encode(self, word: str, values: Mapping[str, object]) -> bytes:
-        """Return a message; nothing if the robot has no such topic."""
-        return wire.frame(self._words.index(word), types().encode(KINDS[word][0], values)) if self._has(word) else b""
+        return wire.frame(self._words.index(word), types().encode(KINDS[word][0], values))
 
     def _read(self, word: str, payload: bytes, now: float, parsed: Parsed) -> None:
         told = types().decode(KINDS[word][0], payload)

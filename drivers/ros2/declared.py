@@ -82,6 +82,12 @@ class Ros2BaseKeys(BaseKeys):
     sounds: str = key(default="", help="The topic of a Create 3's sounds; none without.")
     sensors: str = key(default="", help="The topic of a TurtleBot 3's bumper and cliff (SensorState); none without.")
 
+    @property
+    def capabilities(self) -> frozenset[str]:
+        """Those that have a topic."""
+        topics = {"sounds": self.sounds, "lights": self.lights}
+        return frozenset(name for name, topic in topics.items() if topic)
+
     def mistakes(self) -> Iterator[Mistake]:
         """Yield what no topic is called."""
         topics = ("cmd_vel", "odom", "battery", "hazards", "dock", "lights", "sounds", "sensors")

@@ -14,7 +14,7 @@ from inspect import Parameter
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from drivers.api import Base, Device, Head, Joints
+from drivers.api import Base, Device, Head, Joints, Sounds
 from drivers.api.marks import Command, Member, members
 from drivers.errors import DriverError
 from missions.executive.answers import Answers, Memo
@@ -63,7 +63,7 @@ TOLD: Mapping[Callable[..., object], Callable[[tuple[Any, ...], Any], Values]] =
     {
         Base.drive: _drive,
         Base.stop: _stop,
-        Base.play: _tune,
+        Sounds.play: _tune,
         Head.look: _look,
         Joints.move: _move,
         Joints.follow: _follow,
@@ -94,6 +94,7 @@ class Proxy:
     ``tell`` is None where nobody is told: then it is no leaf of a mission who commands.
     """
 
+    CAPABILITIES: tuple[str, ...] = ()
     __slots__ = ("_answers", "_device", "_memo", "_permit", "_source", "_tell")
 
     def __init__(self, device: Any, memo: Memo, permit: Permit = always) -> None:
@@ -108,6 +109,9 @@ class Proxy:
         for name in (*Proxy.__slots__, *self.__slots__):
             setattr(leafs, name, getattr(self, name))
         leafs._source, leafs._tell = source, tell
+        for name in self.CAPABILITIES:
+            if (found := getattr(self, name)) is not None:
+                setattr(leafs, name, found.for_leaf(source, tell))
         return leafs
 
 
@@ -174,14 +178,21 @@ class _Writer:
         """Yield the lines of the source."""
         readings = [each.name for each in self._members if each.kind == "reading"]
         own = [each.name for each in self._members if each.kind == "direct property"]
+        optional = {each.name: each.protocol for each in self._members if each.kind == "capability"}
         yield f"class {self._protocol.__name__}Proxy(Proxy):"
-        yield f"    __slots__ = {(*own, *readings)!r}"
+        yield f"    __slots__ = {(*own, *readings, *optional)!r}"
+        yield f"    CAPABILITIES = {(*optional,)!r}"
         yield "    def __init__(self, device, memo, permit):"
         yield "        Proxy.__init__(self, device, memo, permit)"
         for name in own:
             yield f"        self.{name} = device.{name}"
         for name in readings:
             yield f"        self.{name} = partial(memo.__getitem__, {name!r})"
+        for name, protocol in optional.items():
+            # Its commands belong to the device that has it: they share its memo, and move that device.
+            known = self._known(f"{name}_class", partial(proxy_class, protocol))
+            yield f"        found = device.{name}"
+            yield f"        self.{name} = None if found is None else {known}()(found, memo, lambda _: permit(device))"
         for member in self._members:
             match member.kind:
                 case "property":

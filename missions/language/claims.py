@@ -12,7 +12,7 @@ from config.defaults import own_files
 from config.faults import Diagnostic, did_you_mean, one_of
 from config.library import shipped
 from config.units import article
-from drivers.api.kinds import KINDS
+from drivers.api.kinds import CAPABILITIES, KINDS
 from missions.language.counts import decision
 from missions.language.nodes import AT_ONCE, COMPOSITES, FAILURE, MODIFIERS
 from missions.language.notes import Lookup, Notes
@@ -32,7 +32,7 @@ class Target(NamedTuple):
     ``reaches`` are by the name of the arm; ``others`` are the kinds of further parts, by their own names.
     ``unpronounceable`` returns those of some words that its ears cannot listen for, ``confusable`` the pairs of some
     phrases that they easily take for each other. ``necks`` are the joints of the arm of which heads are made, each with
-    the name of its head.
+    the name of its head. ``capabilities`` are the optional ones that its parts have.
     """
 
     name: str
@@ -42,6 +42,7 @@ class Target(NamedTuple):
     unpronounceable: Callable[[Sequence[str]], Sequence[str]] = none_of
     confusable: Callable[[Sequence[str]], Sequence[tuple[str, str]]] = none_of
     necks: Mapping[str, str] = MappingProxyType({})
+    capabilities: frozenset[str] = frozenset(CAPABILITIES)
 
 
 def check_claims(notes: Notes, tree: Step) -> None:
@@ -77,7 +78,9 @@ def check_needs(notes: Notes, tree: Step, robot: Target) -> None:
     for step in tree.walk():
         named = {**step.parts_beside, **{name: kind for kind, name in step.named_parts.items()}}
         spared = _driven(step) if id(step) in excused else frozenset()
-        for part in sorted((step.own_needs - robot.parts).difference(named) - spared):
+        for part in () if id(step) in excused else _missing_capabilities(step, robot):
+            notes.fault_at(step, f"'{step.kind}' needs {part}: robot '{robot.name}' has no {part}")
+        for part in sorted((step.own_needs - robot.parts).difference(named, CAPABILITIES) - spared):
             has = ", ".join(sorted(robot.parts)) or "nothing"
             notes.fault_at(step, f"'{step.kind}' needs {article(part)}; robot '{robot.name}' has none (it has {has})")
         for part in sorted(_driven(step) - robot.parts - robot.others.keys() - KINDS.keys() - named.keys()):
@@ -88,6 +91,12 @@ def check_needs(notes: Notes, tree: Step, robot: Target) -> None:
                 has = f"its {kind}s are {', '.join(sorted(known))}" if known else f"it has no {kind}"
                 told = f"'{step.kind}' needs {article(name)}; robot '{robot.name}' has none ({has})"
                 notes.fault_at(step, told, did_you_mean(name, known))
+
+
+def _missing_capabilities(step: Step, robot: Target) -> list[str]:
+    """Return the capabilities that a leaf needs and the part that should have them lacks."""
+    needed = step.own_needs & CAPABILITIES.keys() - robot.capabilities
+    return sorted(name for name in needed if CAPABILITIES[name] in robot.parts)
 
 
 def _driven(step: Step) -> frozenset[str]:
@@ -149,7 +158,8 @@ def _fails_with_child(step: Step) -> bool:
 
 def _missing(step: Step, robot: Target) -> list[str]:
     """Return what a leaf drives that the robot has not got."""
-    return [f"it has no {part}" for part in sorted(step.own_needs & _driven(step) - robot.parts - robot.others.keys())]
+    parts = sorted(step.own_needs & _driven(step) - robot.parts - robot.others.keys())
+    return [f"it has no {part}" for part in (*parts, *_missing_capabilities(step, robot))]
 
 
 def _cannot(step: Step, robot: Target, why: Sequence[str]) -> str:

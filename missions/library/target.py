@@ -6,7 +6,7 @@ from functools import partial
 from behaviours.joint_ranges import JointRanges
 from behaviours.robot import Robot
 from config.robot import RobotConfig
-from drivers.api.sections import ArmKeys, HeadKeys
+from drivers.api.sections import ArmKeys, BaseKeys, HeadKeys
 from drivers.api.senses import MicrophoneKeys
 from missions.language.claims import Target
 
@@ -16,7 +16,9 @@ def target_of(robot: RobotConfig) -> Target:
     keys = {part: section.keys for part, section in robot.sections.items()}
     reaches = {part: JointRanges(it.limits, it.groups) for part, it in keys.items() if isinstance(it, ArmKeys)}
     necks = {joint: part for part, it in keys.items() if isinstance(it, HeadKeys) for joint in it.joints_led}
-    target = Target(robot.name, robot.parts, reaches, robot.others, necks=necks)
+    bases = [it for it in keys.values() if isinstance(it, BaseKeys)]
+    capabilities = frozenset[str]().union(*(it.capabilities for it in bases))
+    target = Target(robot.name, robot.parts, reaches, robot.others, necks=necks, capabilities=capabilities)
     if robot.microphone is None:
         return target
     ears = robot.microphone
@@ -28,7 +30,8 @@ def target_of_parts(robot: Robot) -> Target:
     others = {name: other.kind for name, other in robot.others.items()}
     arms = {"arm": robot} if robot.arm_part is not None else {}
     arms |= {name: robot.of({kind: name}) for name, kind in others.items() if kind == "arm"}
-    return Target("this robot", robot.parts, {name: arm.reach for name, arm in arms.items()}, others)
+    reaches = {name: arm.reach for name, arm in arms.items()}
+    return Target("this robot", robot.parts, reaches, others, capabilities=robot.capabilities)
 
 
 def _unpronounceable(config: MicrophoneKeys, words: Sequence[str]) -> Sequence[str]:

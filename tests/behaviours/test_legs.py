@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from behaviours.run import BY_DEAD_RECKONING
+from config.faults import InvalidFileError
 from drivers.api import Attitude
 from drivers.witmotion.twin import ImuTwin
 from missions.request import RunRequest
@@ -51,9 +52,8 @@ def test_it_sits_and_stands_and_walks_off_from_the_sit(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("act", ["stand:", "sit:", "play_gait: stroll"])
 def test_a_base_on_wheels_has_no_legs_for_it(tmp_path: Path, act: str) -> None:
-    result, reason = ran(tmp_path, f"    - {act}\n", robot="turtlebot2")
-    assert result == "failure"
-    assert "it has no legs" in reason
+    with pytest.raises(InvalidFileError, match="has no legs"):
+        ran(tmp_path, f"    - {act}\n", robot="turtlebot2")
 
 
 def test_legs_that_hang_elsewhere_are_not_brought_to_a_stand(tmp_path: Path) -> None:

@@ -149,7 +149,7 @@ class TwinBase(InSimulatedTime, BaseRig):
         self.twin.lift(up=up)
 
     def shines(self, number: int) -> Lamp:
-        return self.twin.lights[number]
+        return self.twin.panel.colours[number]
 
     def unplug(self) -> None:
         self.twin.plug.unplug()
@@ -388,14 +388,32 @@ def test_latched_it_stands_whoever_commands_until_it_is_enabled(base: BaseRig) -
 
 
 def test_it_plays_shines_and_refuses_what_it_has_not(base: BaseRig) -> None:
-    base.device.play(Tune.RECHARGE)
-    base.device.tone(440.0, 0.2)
-    base.device.light(1, Lamp.ORANGE)
+    sounds, lights = base.device.sounds, base.device.lights
+    assert sounds is not None
+    assert lights is not None
+    assert (sounds.name, lights.name, base.device.legs) == ("base", "base", None)
+    sounds.play(Tune.RECHARGE)
+    sounds.tone(440.0, 0.2)
+    lights.light(1, Lamp.ORANGE)
     with pytest.raises(BadRequest, match="light 3"):
-        base.device.light(3, Lamp.RED)
+        lights.light(3, Lamp.RED)
     with pytest.raises(BadRequest, match="tone"):
-        base.device.tone(440.0, 3.0)
+        sounds.tone(440.0, 3.0)
     base.until(lambda: base.shines(1) is Lamp.ORANGE and base.shines(2) is Lamp.OFF)
+
+
+def test_unplugged_its_sounder_and_its_lights_say_so(base: BaseRig) -> None:
+    sounds, lights = base.device.sounds, base.device.lights
+    assert sounds is not None
+    assert lights is not None
+    base.unplug()
+    base.until(lambda: not base.device.health().online)
+    with pytest.raises(NotConnected, match="base"):
+        sounds.play(Tune.ON)
+    with pytest.raises(NotConnected, match="base"):
+        sounds.tone(440.0, 0.1)
+    with pytest.raises(NotConnected, match="base"):
+        lights.light(2, Lamp.GREEN)
 
 
 def test_a_cliff_ends_a_drive_forward_though_it_is_asked_for(base: BaseRig) -> None:

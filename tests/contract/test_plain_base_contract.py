@@ -4,11 +4,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from drivers.api import BASE_RADIUS, Lamp, Pose2D, Tune
+from drivers.api import BASE_RADIUS, Lamp, Pose2D
 from drivers.base.diff_drive import DiffDriveBase
 from drivers.base.plain_twin import PlainTwin
 from drivers.base.reckoning import TwoWheels
-from drivers.errors import BadRequest
 from drivers.pi_car.driver import KeeperProtocol
 from drivers.sim.body import Body
 from drivers.virtual.guardian import VirtualCar
@@ -187,14 +186,8 @@ def test_it_says_whether_its_pose_is_dead_reckoning(base: PlainRig) -> None:
     assert base.state().reckoned is base.reckoned
 
 
-def test_what_is_asked_of_lights_and_sounders_is_checked_and_nothing_follows(base: PlainRig) -> None:
-    base.device.play(Tune.RECHARGE)
-    base.device.tone(440.0, 0.2)
-    base.device.light(1, Lamp.ORANGE)
-    with pytest.raises(BadRequest, match="light 3"):
-        base.device.light(3, Lamp.RED)
-    with pytest.raises(BadRequest, match="tone"):
-        base.device.tone(440.0, 3.0)
+def test_it_has_no_sounds_no_lights_and_no_legs(base: PlainRig) -> None:
+    assert (base.device.sounds, base.device.lights, base.device.legs) == (None, None, None)
 
 
 def test_a_wall_holds_it_up_unfelt_and_dead_reckoning_believes_that_it_went_on(base: PlainRig) -> None:

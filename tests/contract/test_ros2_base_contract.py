@@ -11,13 +11,16 @@ from behaviours.driving.motion import Drive
 from behaviours.leaf import FAILURE, RUNNING
 from drivers.api import STILL, BaseLimits, Lamp, Pose2D, Sides
 from drivers.base.diff_drive import DiffDriveBase
+from drivers.clock import ManualClock
 from drivers.ros2 import base as create3
 from drivers.ros2.base import Ros2BaseProtocol
+from drivers.ros2.declared import Ros2BaseKeys
 from drivers.ros2.types import types
 from drivers.ros2.virtual_topics import VirtualBase
 from drivers.ros2.wire import frame
 from drivers.sim.body import NOTHING, Body
 from drivers.sim.ground import BackupLimit
+from drivers.transport.link import Link
 from missions.plugins.testing.recorders import Bench
 from tests.contract.rigs import InSimulatedTime, simulated
 from tests.contract.test_base_contract import (  # noqa: F401 - all that a base promises
@@ -43,6 +46,7 @@ from tests.contract.test_base_contract import (  # noqa: F401 - all that a base 
     test_plugged_in_again_it_is_back_at_rest_where_it_was,
     test_stop_is_at_once_and_without_a_ramp,
     test_unplugged_it_says_why_refuses_to_drive_and_comes_to_rest,
+    test_unplugged_its_sounder_and_its_lights_say_so,
     test_what_is_asked_for_is_slowed_down_as_a_whole,
     test_with_its_wheels_in_the_air_it_does_nothing,
 )
@@ -141,6 +145,17 @@ def test_forward_is_forward_and_left_is_anticlockwise_wherever_its_odometry_bega
     base.drive(0.0, 1.0, lambda: base.state().pose.heading > 0.4)
     assert base.truth().heading > 0.3
     assert base.start_told[0] == base.robot.origin
+
+
+@pytest.mark.parametrize("there", [(), ("sounds",), ("lights",), ("sounds", "lights")], ids=str)
+def test_a_base_has_those_capabilities_for_which_it_has_topics(there: tuple[str, ...]) -> None:
+    topics = [topic for topic in TOPICS if topic not in {"sounds", "lights"} or topic in there]
+    named = {topic: TOPICS[topic] if topic in there else "" for topic in ("sounds", "lights")}
+    keys = Ros2BaseKeys(sounds=named["sounds"], lights=named["lights"])
+    protocol = Ros2BaseProtocol("base", ManualClock(), [], topics, BaseLimits(0.5, 1.9, 0.5, 3.5))
+    device = DiffDriveBase(Link("base", "", 1), ManualClock(), protocol)
+    assert keys.capabilities == {*there}
+    assert {name for name in ("sounds", "lights", "legs") if getattr(device, name) is not None} == {*there}
 
 
 def test_at_rest_it_says_nothing_that_could_hold_up_who_else_drives_the_robot(base: Topics) -> None:

@@ -147,9 +147,9 @@ def test_commands_are_kept_with_all_that_they_were_given(moments: Moments) -> No
     base, arm, goals = moments.robot.base, moments.robot.arm, {"elbow": 0.5}
     moments.begin()
     base.stop(source=Source.MISSION)
-    base.play(Tune.ON)
-    base.tone(440.0, 0.1)
-    base.light(1, Lamp.RED)
+    base.sounds.play(Tune.ON)  # type: ignore[union-attr]
+    base.sounds.tone(440.0, 0.1)  # type: ignore[union-attr]
+    base.lights.light(1, Lamp.RED)  # type: ignore[union-attr]
     base.latch("enough")
     base.enable()
     base.rest()

@@ -188,9 +188,9 @@ def test_commands_are_told_with_what_missions_know_them_by() -> None:
     leafs.base.stop()
     leafs.base.latch("enough")
     leafs.base.enable()
-    leafs.base.play(Tune.ON)
-    leafs.base.tone(440.0, 0.1)
-    leafs.base.light(1, Lamp.RED)
+    leafs.base.sounds.play(Tune.ON)  # type: ignore[union-attr]
+    leafs.base.sounds.tone(440.0, 0.1)  # type: ignore[union-attr]
+    leafs.base.lights.light(1, Lamp.RED)  # type: ignore[union-attr]
     leafs.head.look(HeadPose(2.0, 0.12345))
     leafs.head.stop()
     leafs.arm.follow([Coupling("elbow", "wrist")])
@@ -286,7 +286,9 @@ def test_each_part_has_the_methods_of_its_protocol(make: Callable[[], Robot]) ->
     for part in FIELDS:
         device = getattr(robot, f"{part}_part")
         for name, member in members(protocol_of(part)).items():
-            if "property" not in member.kind:
+            if member.protocol is not None:
+                assert set(members(member.protocol)) <= set(dir(getattr(device, name))), f"{part}.{name}"
+            elif "property" not in member.kind:
                 assert callable(getattr(device, name)), f"{part}.{name}"
 
 

@@ -20,6 +20,7 @@ def base(keys: BaseKeys, stage: Stage) -> BaseTwin:
         gyro_noise=stage.physics.gyro_noise,
         dropouts=stage.physics.dropouts,
         seed=stage.seed,
+        capabilities=keys.capabilities,
     )
 
 

@@ -15,6 +15,11 @@ class RoverKeys(BaseKeys, Wired):
     max_speed: float = key("speed", default=0.4, low=0.05, high=2.0, help="The highest speed.")
     horn: bool = key(default=True, help="Whether it has a horn, for tones and tunes.")
 
+    @property
+    def capabilities(self) -> frozenset[str]:
+        """A horn is a sounder."""
+        return frozenset({"sounds"} if self.horn else ())
+
 
 @keys
 class PeriscopeKeys(HeadKeys):

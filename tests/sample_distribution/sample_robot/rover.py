@@ -25,7 +25,7 @@ class RoverProtocol(DiffDriveProtocol):
     noun = "rover"
 
     def __init__(self, *, horn: bool) -> None:
-        self._horn = horn
+        self.sounds = self if horn else None
         self._begun = b""
 
     def restart(self) -> None:
@@ -55,4 +55,4 @@ class RoverProtocol(DiffDriveProtocol):
         return self.tone(440.0, 0.2)
 
     def tone(self, frequency: float, seconds: float) -> bytes:
-        return b"b %d %d\n" % (frequency, 1000 * seconds) if self._horn else b""
+        return b"b %d %d\n" % (frequency, 1000 * seconds)

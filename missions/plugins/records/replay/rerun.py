@@ -100,6 +100,8 @@ class Answering:
             match each.kind:
                 case "reading" | "question":
                     setattr(self, each.name, partial(memory.ask, self._part, each.name))
+                case "capability" if each.protocol is not None:
+                    setattr(self, each.name, Answering(name, each.protocol, memory, part))
                 case "command" if each.command is not None:
                     setattr(self, each.name, partial(self._do, each.name, each.command.otherwise))
 

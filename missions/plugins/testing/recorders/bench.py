@@ -26,6 +26,8 @@ from drivers.api import (
     Joints,
     JointState,
     Lamp,
+    Legs,
+    Lights,
     Mood,
     Pose2D,
     Progress,
@@ -36,6 +38,7 @@ from drivers.api import (
     Ros2,
     Screen,
     Shown,
+    Sounds,
     Source,
     Steering,
     Tune,
@@ -57,9 +60,10 @@ def drive(linear: float, angular: float) -> Velocity:
 
 
 class RecordedBase(Spy):
-    """A ``drivers.api.Base``; the test sets ``reading``, ``limits``, ``latched``, ``steers`` and ``performed``.
+    """A ``drivers.api.Base`` with all capabilities, unless the test sets one of them to None.
 
-    ``steers`` is who has the wheels, ``performed`` how far an act of its legs has come.
+    The test sets ``reading``, ``limits``, ``latched``, ``steers`` (who commands it) and ``performed`` (the progress of
+    an act of its legs), too.
     """
 
     protocol = Base
@@ -70,6 +74,9 @@ class RecordedBase(Spy):
         self.limits = BaseLimits(0.5, radians(110), 0.5, radians(200))
         self.latched = ""
         self.performed = 0.0
+        self.sounds: Sounds | None = self
+        self.lights: Lights | None = self
+        self.legs: Legs | None = self
         self.steers = Steering(None, STILL, STILL)
 
     def drive(self, velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
