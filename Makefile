@@ -10,6 +10,9 @@ DEMO := click colorama dynamixel-sdk markdown-it-py mdurl numpy opencv-python-he
 OTHERS := tests/other_programs
 OTHERS_STAMP := $(VENV)/other_programs_installed
 
+PYODIDE := 314.0.7
+PYODIDE_STAMP := $(VENV)/pyodide_$(PYODIDE)
+
 .PHONY: help setup demo test tested fuzz payloads storm planted kills golden soak claims check bench docs fleet constraints clean
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -43,6 +46,11 @@ $(OTHERS_STAMP): $(STAMP) $(OTHERS)/builder.txt $(OTHERS)/requirements.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --require-hashes --no-build-isolation -r $(OTHERS)/requirements.txt
 	@touch $@
 
+# Python for browsers, in which a test runs the wheel. Without npm or a network that test skips, and says so.
+$(PYODIDE_STAMP): | $(STAMP)
+	@if command -v npm > /dev/null && npm install --prefix $(VENV)/pyodide --no-save --no-audit --no-fund --silent \
+		--fetch-retries 1 pyodide@$(PYODIDE); then touch $@; else echo "no Pyodide: its test skips"; fi
+
 setup: $(STAMP) ## build .venv from constraints.txt, when it is missing or stale
 
 demo: $(DEMO_STAMP) ## a simulated TurtleBot looks for a face, tracks it and greets it
@@ -56,7 +64,7 @@ test: $(OTHERS_STAMP) ## what CI runs: the checks, and every test
 	$(MAKE) tested; tests=$$?; \
 	wait $$checks; checks=$$?; cat $(VENV)/checked.txt; test $$tests = 0 && test $$checks = 0
 
-tested: $(OTHERS_STAMP)
+tested: $(OTHERS_STAMP) $(PYODIDE_STAMP)
 	$(TESTED) --workers $$(( 4 * $$(nproc) )) --real-time-workers $$(( $$(nproc) + 2 )) --durations 10 --durations-min 1
 
 fuzz: $(OTHERS_STAMP) ## all of the campaigns, then the tests with random examples, new ones at each run, ten times over

@@ -2,51 +2,45 @@
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
 from behaviours.robot import Robot
 from drivers.api import BASE_RADIUS, BaseState, RangeScan
 
 MARGIN = 0.05
 """Metres that are to stay free between its rim and anything."""
 
-Points = npt.NDArray[np.float64]
-"""Places: shape (n, 2), metres ahead and to the left of a base's middle."""
+Points = list[tuple[float, float]]
+"""Places: metres ahead and to the left of a base's middle."""
 
 
 def places(scan: RangeScan, place: tuple[float, float, float]) -> Points:
     """Return where a finder at ``place`` has seen something: as of the scan's stamp."""
-    seen = np.isfinite(scan.ranges)
-    far, bearings = scan.ranges[seen].astype(np.float64), scan.bearings()[seen]
-    found: Points = np.stack((place[0] + far * np.cos(bearings), place[1] + far * np.sin(bearings)), axis=1)
-    return found
+    ahead, left, _ = place
+    return [
+        (ahead + far * math.cos(bearing), left + far * math.sin(bearing))
+        for far, bearing in zip(scan.ranges.tolist(), scan.bearings().tolist(), strict=True)
+        if math.isfinite(far)
+    ]
 
 
 def turned(points: Points, angle: float) -> Points:
     """Return ``points`` as a base sees them that has turned by ``angle`` radians to the left."""
     c, s = math.cos(angle), math.sin(angle)
-    seen: Points = points @ np.array(((c, -s), (s, c)))
-    return seen
+    return [(x * c + y * s, y * c - x * s) for x, y in points]
 
 
-def free_way(points: Points) -> float:
-    """Return how far (m) a base can go straight ahead before something is within the margin about it.
+def free_way(points: Points, heading: float = 0.0) -> float:
+    """Return how far (m) a base can go in a ``heading`` before something is within the margin about it.
 
-    Infinity where nothing is in its way. What it goes away from, however near, is not in its way.
+    The heading is in radians from straight ahead. Infinity where nothing is in its way. What it goes away from,
+    however near, is not in its way.
     """
-    return float(free_ways(points, np.zeros(1))[0])
-
-
-def free_ways(points: Points, headings: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return the same for several headings (radians from straight ahead): arrays of shape (n,)."""
-    c, s = np.cos(headings)[:, None], np.sin(headings)[:, None]
-    ahead, aside = c * points[:, 0] + s * points[:, 1], c * points[:, 1] - s * points[:, 0]
-    reach = (BASE_RADIUS + MARGIN) ** 2 - aside * aside
-    blocks = (ahead > 0.0) & (reach > 0.0)
-    far = np.where(blocks, ahead - np.sqrt(np.maximum(reach, 0.0)), math.inf)
-    least: npt.NDArray[np.float64] = far.min(axis=1, initial=math.inf)
-    return np.maximum(least, 0.0)
+    c, s, reach = math.cos(heading), math.sin(heading), BASE_RADIUS + MARGIN
+    way = math.inf
+    for x, y in points:
+        aside = c * y - s * x
+        if -reach < aside < reach and (ahead := c * x + s * y) > 0.0:
+            way = min(way, ahead - math.sqrt(reach * reach - aside * aside))
+    return max(way, 0.0)
 
 
 def safe_speed(way: float, *, braking: float, reaction: float) -> float:
@@ -68,7 +62,7 @@ class Lookout:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._scan: RangeScan | None = None
-        self._places: Points = np.empty((0, 2))
+        self._places: Points = []
 
     def around(self, state: BaseState, now: float) -> Points | None:
         """Return all that is seen; None while the finder does not report, and where there is none.
@@ -85,4 +79,4 @@ class Lookout:
         heading = self._robot.base.heading_at(scan.stamp)
         turn = 0.0 if heading is None else state.pose.heading - heading
         gone = state.velocity.linear * max(0.0, now - scan.stamp)
-        return turned(self._places, turn) - (gone, 0.0)
+        return [(x - gone, y) for x, y in turned(self._places, turn)]

@@ -3,10 +3,9 @@
 import math
 from collections import deque
 
-import numpy as np
 from py_trees.common import Status
 
-from behaviours.clearance import MARGIN, Lookout, Points, free_way, free_ways, safe_speed, turned
+from behaviours.clearance import MARGIN, Lookout, Points, free_way, safe_speed, turned
 from behaviours.driving.motion import REACTION, Motion
 from behaviours.leaf import FAILURE, argument
 from drivers.api import BASE_RADIUS, STILL, BaseState, Pose2D, Sides, Steering, Velocity
@@ -48,7 +47,7 @@ BLIND = 0.1
 BACK, BACK_SPEED, BACK_TIME = 0.15, 0.1, 4.0
 """Metres that it drives straight back after a bump or from an edge, how fast, and for how long (s) at most."""
 
-HEADINGS = np.radians(np.arange(-180, 180, 10.0))
+HEADINGS = [math.radians(degrees) for degrees in range(-180, 180, 10)]
 """The ways that it chooses from, from straight ahead."""
 
 FAR = 3.0
@@ -137,17 +136,17 @@ class Wander(Motion):
 
     def _choose(self, pose: Pose2D, things: Points) -> float | None:
         """Return the heading to keep: a new one where the present one is blocked, or another is much better."""
-        ways = free_ways(things, HEADINGS)
-        if not (ways > MARGIN).any():
+        ways = [free_way(things, heading) for heading in HEADINGS]
+        if max(ways) <= MARGIN:
             return None
         value = [self._value(pose, heading, way) for heading, way in zip(HEADINGS, ways, strict=True)]
-        best = int(np.argmax(value))
+        best = value.index(max(value))
         if self._course is not None:
             kept = math.remainder(self._course - pose.heading, math.tau)
-            way = float(free_ways(things, np.array([kept]))[0])
+            way = free_way(things, kept)
             if way > MARGIN and self._value(pose, kept, way) * KEEP >= value[best]:
                 return self._course
-        return pose.heading + float(HEADINGS[best])
+        return pose.heading + HEADINGS[best]
 
     def _value(self, pose: Pose2D, heading: float, way: float) -> float:
         """Return what a way is worth: how far it leads, how much of that is new, how little one has to turn."""
@@ -164,9 +163,8 @@ class Wander(Motion):
 
     def _things(self, pose: Pose2D, seen: Points | None) -> Points:
         """Return all that is to be gone round: what is seen, and what was met before."""
-        met = np.array(self._met, dtype=np.float64).reshape(-1, 2) - (pose.x, pose.y)
-        known = turned(met, pose.heading)
-        return known if seen is None else np.concatenate((seen, known))
+        known = turned([(x - pose.x, y - pose.y) for x, y in self._met], pose.heading)
+        return known if seen is None else seen + known
 
     def _meet(self, pose: Pose2D, where: Sides) -> None:
         """Remember a thing, or an edge, at the rim of the base, and begin to drive back from it."""
@@ -180,7 +178,7 @@ class Wander(Motion):
     def _backs(self, pose: Pose2D, origin: Pose2D, since: float, things: Points) -> bool:
         """Say whether it has to drive farther back, and can."""
         gone = math.hypot(pose.x - origin.x, pose.y - origin.y)
-        room = float(free_ways(things, np.array([math.pi]))[0])
+        room = free_way(things, math.pi)
         return gone < BACK and room > 0.0 and self.run.now() - since < BACK_TIME
 
     def _shut_in(self) -> Status:

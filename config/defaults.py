@@ -1,7 +1,6 @@
 """What a user wants where a command names nothing: one file, ``~/.config/missiontree/defaults.yaml``."""
 
 import os
-import pwd
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -39,11 +38,18 @@ class DefaultsKeys:
 
 def home_folder() -> Path:
     """Return the user's home; for a user without one, as in a container, a folder that does not exist."""
-    try:
-        found = Path(os.environ.get("HOME") or pwd.getpwuid(os.getuid()).pw_dir)
-    except KeyError:
-        found = Path()
+    found = Path(os.environ.get("HOME") or _registered_home())
     return found if found.is_absolute() else Path("/nonexistent")
+
+
+def _registered_home() -> str:
+    """Return the home of the user by the system's list of users, if it is there."""
+    import pwd  # noqa: PLC0415 - Python in a browser has no list, but HOME
+
+    try:
+        return pwd.getpwuid(os.getuid()).pw_dir
+    except KeyError:
+        return ""
 
 
 def config_folder(environment: Mapping[str, str] = os.environ) -> Path:

@@ -128,6 +128,14 @@ class RunRequest:
         return "wire" if self.simulate is None and self.robot is None else self.simulate
 
     @property
+    def is_batch(self) -> bool:
+        """True for simulated time at full speed with known truth: nothing moves, and nobody can watch or stop it.
+
+        Such a run starts no thread, socket or process, unless code that is not ours takes part.
+        """
+        return self.simulation == "fast" and self.eyes == "truth" and self.speed == inf
+
+    @property
     def world_name(self) -> str:
         """The name of what a simulated robot stands in; empty for a robot that moves."""
         if self.simulation is None:

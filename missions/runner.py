@@ -2,18 +2,18 @@
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from math import inf
 from typing import TYPE_CHECKING
 
+from behaviours.leaf import Leaf
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import Run, log
 from config.robot import RobotConfig
 from drivers.api.sections import Wired
 from drivers.clock import Clock, SystemClock
-from missions.assembly.assemble import assemble
 from missions.assembly.assembled import Assembled
 from missions.assembly.together import Hooks, MakePad, Overrides
 from missions.executive.answers import Answers
@@ -48,6 +48,10 @@ CLOSE_TIME = 3.0
 PATIENT = Limits(slow=inf, stall=inf, fail=10.0)
 """The limits in simulated time, by the clock on the wall: there is nothing to keep still, and a machine that was busy
 for half a second must not make two runs differ."""
+
+
+OURS = frozenset({"behaviours", "config", "drivers", "missions", "perception"})
+"""Packages whose leaves and devices never hold up a tick in simulated time."""
 
 
 def end_process(result: Result) -> None:
@@ -99,7 +103,8 @@ class Runner:
         )
         self.root, self.executive = self._executive(substitute, on_moment)
         self._process = os.getpid()
-        self._signals = Signals(self.executive.stop)
+        self._is_watched = limits is not None or not (order.is_batch and self._is_ours())
+        self._signals = Signals(self._request_stop, with_socket=self._is_watched)
         self._lifeline = Lifeline(self._signals)
 
     def _watchdog(self, limits: Limits | None) -> Watchdog:
@@ -142,6 +147,8 @@ class Runner:
 
     def _real(self, order: RunRequest) -> tuple[Run, Assembled]:
         """Return the run and the robot in real time: on the metal, or on virtual devices."""
+        from missions.assembly.assemble import assemble  # noqa: PLC0415 - simulated time opens no port
+
         world = None if order.simulation is None else order.world_file()
         interests = interests_of(self.plan.tree, self.config.camera)
         overrides = Overrides(world, order.camera, order.ports, order.seed, interests, self._pad)
@@ -213,7 +220,7 @@ class Runner:
         self._context.interruptible = False  # signals are taken here: a KeyboardInterrupt is a leaf's own
         try:
             line = nullcontext() if self.twins is not None else self._lifeline  # nothing moves there
-            with self._signals, line, logging_to(self._tell.logged), self.watchdog, self.ready():
+            with self._signals, line, logging_to(self._tell.logged), self._watching(), self.ready():
                 self._context.beat()
                 self.watchdog.armed = True
                 if self._robot.eyes is not None:
@@ -227,6 +234,26 @@ class Runner:
             self.executive.tell_end(result)
             self.stream.close()
         return result
+
+    def _is_ours(self) -> bool:
+        """Return True if all leaves and devices are MissionTree's own: they never hold up a tick in simulated time."""
+        parts = [*(node for node in self.root.iterate() if isinstance(node, Leaf)), *self._robot.devices.values()]
+        return all(type(part).__module__.partition(".")[0] in OURS for part in parts)
+
+    @contextmanager
+    def _watching(self) -> Iterator[None]:
+        """Have the watchdog look while this is entered; where nothing can hang, from the first signal on."""
+        try:
+            if self._is_watched:
+                self.watchdog.start()
+            yield
+        finally:
+            self.watchdog.stop()
+
+    def _request_stop(self, word: str) -> None:
+        self.executive.stop(word)
+        with suppress(RuntimeError):  # Python in a browser has no threads
+            self.watchdog.start()
 
     @contextmanager
     def ready(self) -> Iterator[None]:

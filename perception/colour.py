@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perception.api import BALL, BOX, Box, Image
+from perception.tracks import BOX_WIDENING
 
 # Which shape a spot of one colour has, judged by its outline.
 
@@ -29,9 +30,6 @@ round first."""
 
 MAX_ELONGATION = 4.0
 """The most times that a thing is as long as it is wide."""
-
-TURNED = 1.2
-"""A box looks wider than its front when it is turned: by 1 to 1.41 times for a square one, this in the middle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +61,7 @@ def outline(contour: Contour) -> Outline | None:
     if area >= ROUND * pi * (radius + 0.5) ** 2:
         return Outline(box, BALL, 2 * sqrt(area / pi))
     if area >= SQUARE * short * long:
-        return Outline(box, BOX, across / TURNED)
+        return Outline(box, BOX, across / BOX_WIDENING)
     return None
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from perception.api import Frame, Gaze, Image
 from perception.change import shift
 from perception.delay_grid import CHANGE_ODDS, GRID, JITTERS, STEP, DelayGrid, Flags, Floats, find_unrecorded
-from perception.exposure_clock import Exposure, ExposureClock
+from perception.exposure_clock import EARLIEST, LATEST, Exposure, ExposureClock
 from perception.geometry import Pinhole
 from perception.levelling import level
 from perception.light import Grey
@@ -36,13 +36,6 @@ LONGEST_PAIR = 0.3
 
 EDGE = 0.02
 """Seconds: a delay this close to an end of ``GRID`` may be any beyond it, and is not used."""
-
-EARLIEST = -0.065
-"""Seconds: the least delay that counts as known. A picture that is stamped at the start of its exposure, of 1/15 s at
-most, is early by half of that; a pose that is reported 30 ms late adds to it. More is physically impossible."""
-
-LATEST = float(GRID[-1]) - EDGE
-"""Seconds: the largest delay that counts as known."""
 
 SURE = 0.02
 """Seconds, one sigma, within which a delay must be known to count."""

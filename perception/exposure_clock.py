@@ -14,6 +14,13 @@ TOO_YOUNG = 0.1
 BACK = 0.03
 """Seconds by which an exposure must be before the last one for its stamp to be wrong: jitter is less."""
 
+EARLIEST = -0.065
+"""Seconds: the least delay that counts as known. A picture that is stamped at the start of its exposure, of 1/15 s at
+most, is early by half of that; a pose that is reported 30 ms late adds to it. More is physically impossible."""
+
+LATEST = 0.25
+"""Seconds: the largest delay that counts as known: 0.02 before the end of ``perception.delay_grid.GRID``."""
+
 DOUBT = radians(10)
 """Doubt about the direction of the camera for a picture with a wrong stamp: radians, one sigma."""
 

@@ -4,11 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from threading import Event, Thread
 
-from perception.api import Face, Frame, Gaze, Marker, Scene, Thing, View, ignore
+from perception.api import Frame, Gaze, Scene, View, ignore
 from perception.change import measure
 from perception.delay import Delay, Exposures
 from perception.geometry import Pinhole
-from perception.senses import FrameSource, Senses, Skipping, Sparing
+from perception.senses import FrameSource, NewestView, Senses, Skipping, Sparing
 
 WAIT = 0.1
 """Seconds to wait for a frame, and to rest after trouble: how long ``close`` may take."""
@@ -40,32 +40,6 @@ class Effort:
     frames: int = 0
     failed: int = 0
     seconds: float = 0.0
-
-
-class NewestView:
-    """A ``Sight`` that gives out the newest ``View``, whoever made it."""
-
-    _view = View()
-
-    def faces(self) -> tuple[Face, ...]:
-        """The faces followed now, largest first, each with the stamp of the frame that last showed it."""
-        return self._view.faces
-
-    def things(self) -> tuple[Thing, ...]:
-        """The coloured shapes followed now, largest first."""
-        return self._view.things
-
-    def markers(self) -> tuple[Marker, ...]:
-        """The markers of other robots followed now, largest first."""
-        return self._view.markers
-
-    def looked(self) -> float | None:
-        """The stamp of the newest frame that was searched, None before the first."""
-        return self._view.looked
-
-    def scene(self) -> Scene | None:
-        """What the newest frame shows as a whole, None before the first."""
-        return self._view.scene
 
 
 class Vision(NewestView):

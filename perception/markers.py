@@ -1,75 +1,18 @@
 """The sense for other robots: square markers, each with a number, as they are printed for ArUco and AprilTag."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from math import atan2, cos, remainder, sin, sqrt, tan, tau
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from perception.api import Box, Frame, Gaze, Image, Marker, Percept
+from perception.api import Box, Frame, Gaze, Image, Marker
 from perception.geometry import Pinhole
 from perception.light import grey
-from perception.tracks import Tracker, common
-
-DICTIONARIES: Mapping[str, int] = {
-    "4x4_50": cv2.aruco.DICT_4X4_50,
-    "4x4_100": cv2.aruco.DICT_4X4_100,
-    "5x5_100": cv2.aruco.DICT_5X5_100,
-    "6x6_250": cv2.aruco.DICT_6X6_250,
-    "apriltag_16h5": cv2.aruco.DICT_APRILTAG_16H5,
-    "apriltag_25h9": cv2.aruco.DICT_APRILTAG_25H9,
-    "apriltag_36h11": cv2.aruco.DICT_APRILTAG_36H11,
-}
-"""The families of markers by the names that robot files give them."""
+from perception.tracks import MarkerKind, MarkerSighting, Tracker
 
 Corners = npt.NDArray[np.float32]
 """The corners of a marker's black frame in pixels: shape (4, 2), dtype float32, clockwise from its own top left."""
-
-
-@dataclass(frozen=True, slots=True)
-class MarkerKind:
-    """The markers that robots wear: their family, the side of their black frame in metres, and whose is which.
-
-    ``robots`` are names by number. Raises ValueError for a family that is not known and a side that is not above 0.
-    """
-
-    family: str = "4x4_50"
-    size: float = 0.15
-    robots: Mapping[int, str] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if self.family not in DICTIONARIES:
-            raise ValueError(f"markers: no family '{self.family}'; known are: {', '.join(DICTIONARIES)}")
-        if not self.size > 0:
-            raise ValueError(f"markers: a side of {self.size} m: must be above 0 m")
-
-
-@dataclass(frozen=True, slots=True)
-class MarkerSighting:
-    """A marker in one frame: its ``range`` in metres from the lens, and its ``heading`` as ``Marker`` has it."""
-
-    number: int
-    name: str
-    box: Box
-    range: float
-    heading: float
-    found: bool = True
-
-    @property
-    def kind(self) -> str:
-        """What it can be followed as."""
-        return str(self.number)
-
-    def distance(self, camera: Pinhole) -> float:
-        """Return how far away it is in metres."""
-        del camera  # the range was found with all four corners
-        return self.range
-
-    def percept(self, followed: Percept) -> Marker:
-        """Return what others are told of it."""
-        return Marker(**common(followed), number=self.number, name=self.name, heading=self.heading)
 
 
 class MarkerSense:
@@ -80,7 +23,7 @@ class MarkerSense:
 
     def __init__(self, kind: MarkerKind) -> None:
         self._kind = kind
-        dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES[kind.family])
+        dictionary = dictionary_of(kind.family)
         parameters = cv2.aruco.DetectorParameters()
         # Two looks at the edges, fine and coarse, find what three do.
         parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax = 5, 23
@@ -120,6 +63,12 @@ class MarkerSense:
             sqrt(sum(value * value for value in place)),
             _heading(place, normal, pitch),
         )
+
+
+def dictionary_of(family: str) -> cv2.aruco.Dictionary:
+    """Return OpenCV's dictionary of one of the ``MARKER_FAMILIES``."""
+    number: int = getattr(cv2.aruco, f"DICT_{family.upper()}")
+    return cv2.aruco.getPredefinedDictionary(number)
 
 
 def _area(corners: Corners) -> float:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar, runtime_checkable
 
-from perception.api import Face, Frame, Gaze, Image, Marker, Percept, Scene, Thing
+from perception.api import Face, Frame, Gaze, Image, Marker, Percept, Scene, Thing, View
 from perception.geometry import Pinhole
 from perception.tracks import Sighting, Tracker
 
@@ -88,3 +88,29 @@ class Skipping(Protocol):
     def skip(self, pictures: int) -> None:
         """Let so many pictures go by after the newest that was read."""
         ...
+
+
+class NewestView:
+    """A ``Sight`` that gives out the newest ``View``, whoever made it."""
+
+    _view = View()
+
+    def faces(self) -> tuple[Face, ...]:
+        """The faces followed now, largest first, each with the stamp of the frame that last showed it."""
+        return self._view.faces
+
+    def things(self) -> tuple[Thing, ...]:
+        """The coloured shapes followed now, largest first."""
+        return self._view.things
+
+    def markers(self) -> tuple[Marker, ...]:
+        """The markers of other robots followed now, largest first."""
+        return self._view.markers
+
+    def looked(self) -> float | None:
+        """The stamp of the newest frame that was searched, None before the first."""
+        return self._view.looked
+
+    def scene(self) -> Scene | None:
+        """What the newest frame shows as a whole, None before the first."""
+        return self._view.scene

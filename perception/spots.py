@@ -1,7 +1,6 @@
 """Finding balls and boxes of given colours in one picture."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import cast
 
 import cv2
@@ -9,12 +8,7 @@ import numpy as np
 
 from perception.api import Box, Image
 from perception.colour import Colour, Contour, Labels, Palette, Places, balanced, in_disc, outline
-
-WIDTH = 320
-"""Pixels of the width to which a picture is shrunk before it is searched: a quarter of the work, half of the noise."""
-
-SMALLEST = 8
-"""Pixels of that by which a thing must be wide and high for its shape to be seen."""
+from perception.tracks import SEARCH_WIDTH, SMALLEST_SPOT, Spot
 
 LARGEST = 0.5
 """The share of the picture above which a spot is a wall and no thing."""
@@ -35,19 +29,6 @@ _WIDE = np.ones((2 * BAND + 1, 2 * BAND + 1), np.uint8)
 _BRUSH = np.ones((3, 3), np.uint8)
 
 
-@dataclass(frozen=True, slots=True)
-class Spot:
-    """What was found in one picture: where, in its pixels; its colour; its shape, and its width as ``Outline`` has it.
-
-    ``width`` is in pixels of the picture.
-    """
-
-    box: Box
-    colour: str
-    shape: str
-    width: float
-
-
 class SpotFinder:
     """Finds balls and boxes of the colours in ``looked_for``.
 
@@ -64,7 +45,7 @@ class SpotFinder:
 
     def find(self, image: Image) -> list[Spot]:
         """Return the balls and boxes in a picture of shape (height, width, 3), largest first."""
-        scale = max(1.0, image.shape[1] / WIDTH)
+        scale = max(1.0, image.shape[1] / SEARCH_WIDTH)
         picture = balanced(_smooth(image, scale))
         labels = self._palette.label(picture)
         found = [
@@ -103,7 +84,7 @@ def _contours(labels: Labels, number: int) -> Iterator[Contour]:
     for contour in contours:
         x, y, across, down = cv2.boundingRect(contour)
         cut = x <= 0 or y <= 0 or x + across >= width or y + down >= height
-        if not cut and min(across, down) >= SMALLEST and across * down <= LARGEST * width * height:
+        if not cut and min(across, down) >= SMALLEST_SPOT and across * down <= LARGEST * width * height:
             yield np.asarray(contour, np.int32)
 
 

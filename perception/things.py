@@ -1,53 +1,16 @@
 """The sense for coloured shapes: a red ball, a blue box, looked for by name and followed over time."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from math import cos, isnan, nan
+from math import isnan
 
-from perception.api import ANY, Box, Frame, Gaze, Percept, Thing, Wanted
+from perception.api import ANY, Frame, Gaze, Thing, Wanted
 from perception.colour import Colour
 from perception.geometry import Pinhole
-from perception.spots import Spot, SpotFinder
-from perception.tracks import Tracker, common
+from perception.spots import SpotFinder
+from perception.tracks import Spot, ThingSighting, Tracker
 
 NEAREST, FARTHEST = 0.1, 8.0
 """Metres. What would have to be nearer or farther away to be of the size that is looked for is something else."""
-
-
-@dataclass(frozen=True, slots=True)
-class ThingSighting:
-    """A spot in one frame that is what was looked for."""
-
-    spot: Spot
-    wanted: Wanted
-    found: bool = True
-
-    @property
-    def box(self) -> Box:
-        """Where in the frame."""
-        return self.spot.box
-
-    @property
-    def kind(self) -> str:
-        """What it can be followed as."""
-        return self.wanted.name
-
-    def distance(self, camera: Pinhole) -> float:
-        """Return how far away it is in metres, by its size; NaN where that is not known.
-
-        A ball's is off by 3 %, a box's by 20 %, as boxes look wider when they are turned.
-        """
-        if self.wanted.size is None:
-            return nan
-        bearing, elevation = camera.angles(*self.box.centre)
-        return self.wanted.size * camera.focal / self.spot.width / (cos(bearing) * cos(elevation))
-
-    def percept(self, followed: Percept) -> Thing:
-        """Return what others are told of it."""
-        wanted = self.wanted
-        return Thing(
-            **common(followed), name=wanted.name, colour=wanted.colour, shape=self.spot.shape, size=wanted.size
-        )
 
 
 class ThingSense:

@@ -4,18 +4,24 @@ from collections.abc import Callable
 from math import radians
 from random import Random
 
-import numpy as np
-
 from drivers.api import CameraFrame, Health, Image, Report, ignore
 from drivers.clock import Clock
 from drivers.sim.plug import Plug
+
+
+def black_like(picture: Image) -> Image:
+    """Return a black picture of the same size."""
+    import numpy as np  # noqa: PLC0415 - only a covered lens needs it
+
+    return np.zeros_like(picture)
 
 
 class CameraTwin:
     """A ``drivers.api.Camera`` for one thread: pictures are drawn on demand, by ``draw(time)``.
 
     ``rate`` is in pictures per second of the clock, ``field_of_view`` horizontal in radians, ``dropouts`` the share
-    0..1 of pictures that get lost, drawn from ``seed``. Raises ValueError for values that make no sense.
+    0..1 of pictures that get lost, drawn from ``seed``. ``black`` returns the picture of a covered lens, given one of
+    an open lens. Raises ValueError for values that make no sense.
     """
 
     name = "camera"
@@ -30,6 +36,7 @@ class CameraTwin:
         report: Report = ignore,
         dropouts: float = 0.0,
         seed: int = 0,
+        black: Callable[[Image], Image] = black_like,
     ) -> None:
         if not (rate > 0 and 0 < field_of_view < 3.14 and 0 <= dropouts <= 1):
             raise ValueError(f"{self.name}: {rate=}, {field_of_view=}, {dropouts=}: out of range")
@@ -37,6 +44,7 @@ class CameraTwin:
         self.plug = Plug(self.name, report)
         self.period = 1 / rate
         self._draw = draw
+        self._black = black
         self._clock = clock
         self._dropouts = dropouts
         self._random = Random(f"{seed} {self.name}")  # noqa: S311 - chance, not a secret
@@ -119,4 +127,4 @@ class CameraTwin:
         """Return what comes through the lens at time ``now``."""
         if not self._covered:
             return self._draw(now)
-        return np.zeros_like(self._draw(now) if self._picture is None else self._picture)
+        return self._black(self._draw(now) if self._picture is None else self._picture)

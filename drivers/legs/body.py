@@ -66,7 +66,6 @@ class Body:
     radius: Floats
     trunk: Trunk
     legs: Mapping[Side, Leg]
-    arms: Mapping[Side, tuple[int, ...]]
     swap: npt.NDArray[np.intp]
     sign: Floats
 
@@ -139,7 +138,6 @@ def body_of(keys: BodyKeys) -> Body:
         np.array([link.radius for _, link, _ in links]),
         Trunk(trunk.mass, np.array(trunk.centre), np.array(trunk.box), np.array(trunk.middle)),
         {side: leg(side) for side in SIDES},
-        {s: tuple(place[n if s == "left" else keys.mirror(n)] for n in keys.arm) for s in SIDES},
         swap,
         sign,
     )

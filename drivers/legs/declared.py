@@ -64,7 +64,6 @@ class BodyKeys:
         help="The links of the left side and of the middle, each under the name of the joint that turns it.",
     )
     leg: tuple[str, ...] = key(help="The joints of the left leg: hip turn, roll and pitch, knee, ankle pitch and roll.")
-    arm: tuple[str, ...] = key(default=(), help="The joints of the left arm, from the shoulder on.")
     foot: FootKeys = key(help="The left sole.")
 
     def mirror(self, name: str) -> str:
@@ -97,25 +96,23 @@ class BodyKeys:
             if (image := self.mirror(name)) != name and image in self.links:
                 message = f"link '{image}' is the mirror image of '{name}': write that one alone"
                 yield Mistake(message, ("links", image), about=(("links", image),))
-        yield from self._chain("leg", self.leg, 6)
-        if self.arm:
-            yield from self._chain("arm", self.arm, None)
+        yield from self._chain()
         if len(self.leg) == 6 and {*self.leg} <= {*self.links}:
             yield from self._leg()
 
-    def _chain(self, word: str, names: tuple[str, ...], count: int | None) -> Iterator[Mistake]:
-        if count is not None and len(names) != count:
-            yield Mistake(f"'{word}' needs {count} joints, from the hip to the foot", (word,), about=((word,),))
-        for place, name in enumerate(names):
-            at = (word, place)
+    def _chain(self) -> Iterator[Mistake]:
+        """Yield what keeps the joints of ``leg`` from being one chain of six on the left."""
+        if len(self.leg) != 6:
+            yield Mistake("'leg' needs 6 joints, from the hip to the foot", ("leg",), about=(("leg",),))
+        for place, name in enumerate(self.leg):
+            at = ("leg", place)
             if name not in self.links:
-                message = f"'{word}': there is no link '{name}'"
-                yield Mistake(message, at, seen=name, known=self.links, about=((word,),))
+                yield Mistake(f"'leg': there is no link '{name}'", at, seen=name, known=self.links, about=(("leg",),))
             elif not name.startswith(self.left):
-                yield Mistake(f"'{word}': '{name}' does not begin with '{self.left}'", at, about=((word,), ("left",)))
-            elif place and names[place - 1] in self.links and self.links[name].parent != names[place - 1]:
-                message = f"'{word}': '{name}' does not hang from '{names[place - 1]}'"
-                yield Mistake(message, at, about=((word,), ("links", name, "from")))
+                yield Mistake(f"'leg': '{name}' does not begin with '{self.left}'", at, about=(("leg",), ("left",)))
+            elif place and self.leg[place - 1] in self.links and self.links[name].parent != self.leg[place - 1]:
+                message = f"'leg': '{name}' does not hang from '{self.leg[place - 1]}'"
+                yield Mistake(message, at, about=(("leg",), ("links", name, "from")))
 
     def _leg(self) -> Iterator[Mistake]:
         """Yield what keeps the angles of a leg from a closed form."""

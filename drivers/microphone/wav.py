@@ -1,13 +1,16 @@
 """A recording that stands in for a microphone."""
 
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from drivers.api import SOUND_RATE, DeviceStatus, Health, Report, Samples, Sound, ignore
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.sound.wav import BadWav, blocks, read_header
+from drivers.sound.wav import A_LAW, FLOAT, MU_LAW, NAMES, SAMPLE_WIDTHS, BadWav, WavFormat, read_header
 from drivers.transport.guard import guarded
 
 PIECE = 320
@@ -21,6 +24,11 @@ MAX_DURATION = 300.0
 
 RATES = (4_000, 384_000)
 """Samples a second that a recording may have: no recorder makes more, and what has less is no speech."""
+
+BLOCK = 65_536
+"""Frames that are decoded at once: a long recording of many channels does not fit into memory as floats."""
+
+Blocks = Iterator["np.ndarray[tuple[int, int], np.dtype[np.float64]]"]
 
 
 class WavMicrophone:
@@ -128,3 +136,47 @@ def resampled(sound: np.ndarray[tuple[int], np.dtype[np.float64]], rate: int) ->
         count = round(len(sound) * SOUND_RATE / rate)
         sound = np.fft.irfft(np.fft.rfft(sound)[: count // 2 + 1], count) * (count / len(sound))
     return np.asarray(np.clip(np.rint(sound), -32768, 32767), np.int16)
+
+
+def blocks(file: BinaryIO, form: WavFormat) -> Blocks:
+    """Yield the sound as frames by channels, ``BLOCK`` frames at a time, in floats of the range of 16 bits.
+
+    Raises BadWav, OSError.
+    """
+    if form.encoding not in SAMPLE_WIDTHS:
+        raise BadWav(f"its samples are {NAMES[form.encoding]}, which is not decoded here")
+    file.seek(form.begin)
+    frame, left = form.width * form.channels, form.frames
+    while left > 0 and (data := file.read(frame * min(BLOCK, left))):
+        whole = data[: len(data) // frame * frame]
+        yield _decode(whole, form).reshape(-1, form.channels)
+        left -= BLOCK
+
+
+def _decode(data: bytes, form: WavFormat) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
+    if form.encoding == FLOAT:
+        with np.errstate(over="ignore", invalid="ignore"):
+            floats = np.frombuffer(data, f"<f{form.width}").astype(np.float64) * 32768
+        return np.clip(np.nan_to_num(floats), -32768, 32767)
+    if form.encoding in (A_LAW, MU_LAW):
+        return _expansion_table(form.encoding)[np.frombuffer(data, np.uint8)]
+    if form.width == 1:
+        return (np.frombuffer(data, np.uint8).astype(np.float64) - 128) * 256
+    if form.width == 3:
+        parts = np.frombuffer(data, np.uint8).reshape(-1, 3)
+        upper = np.ascontiguousarray(parts[:, 1:]).view("<i2").ravel()
+        return upper.astype(np.float64) + parts[:, 0] / 256
+    scale = 256.0 ** (form.width - 2)
+    return np.frombuffer(data, f"<i{form.width}").astype(np.float64) / scale
+
+
+@cache
+def _expansion_table(encoding: int) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
+    """Return the 256 values of A-law or mu-law (ITU-T G.711)."""
+    byte = np.arange(256) ^ (0x55 if encoding == A_LAW else 0xFF)
+    step, exponent = byte & 15, byte >> 4 & 7
+    if encoding == A_LAW:
+        size = np.where(exponent == 0, 16 * step + 8, (16 * step + 264) << np.maximum(exponent - 1, 0))
+        return np.where(byte & 0x80, size, -size).astype(np.float64)
+    size = ((8 * step + 132) << exponent) - 132
+    return np.where(byte & 0x80, -size, size).astype(np.float64)

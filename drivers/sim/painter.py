@@ -10,13 +10,13 @@ import numpy.typing as npt
 from drivers.api import Camera, CameraFrame, Health, Image
 from drivers.sim.block import Solid
 from drivers.sim.room import Colour
-from drivers.sim.viewpoint import Floats, Pinhole, Viewpoint
+from drivers.sim.viewpoint import Pinhole, Viewpoint
 
 # A fixed camera made to pan and tilt: its pictures turned as a moving head would have seen them.
 #
 # So footage that was recorded once closes the loop with a simulated head.
 
-_AHEAD = Viewpoint().rotation()
+_AHEAD = np.array(Viewpoint().rotation())
 
 
 def turned(image: Image, view: Viewpoint, field_of_view: float) -> Image:
@@ -28,13 +28,13 @@ def turned(image: Image, view: Viewpoint, field_of_view: float) -> Image:
     """
     lens = Pinhole(image.shape[1], image.shape[0], field_of_view)
     mean = cv2.mean(image)
-    rotation = view.rotation()
+    rotation = np.array(view.rotation())
     angle = acos(float(np.clip(rotation[2] @ _AHEAD[2], -1.0, 1.0)))
     # Beyond the first angle the two pictures share nothing; beyond the second the homography would show the source
     # mirrored through the lens, as it cannot tell what is behind it.
     if angle >= min(2 * lens.half_diagonal, pi - 2 * lens.half_diagonal):
         return np.full_like(image, np.rint(mean[:3]))
-    camera = lens.matrix()
+    camera = np.array(lens.matrix())
     to_source = camera @ _AHEAD @ rotation.T @ np.linalg.inv(camera)
     moved = cv2.warpPerspective(
         image,
@@ -92,6 +92,8 @@ class PannedCamera:
         return CameraFrame(turned(frame.image, view, self.field_of_view), frame.stamp, frame.number)
 
 
+Floats = npt.NDArray[np.float64]
+
 NEAR_PLANE = 0.1
 """Metres in front of the lens within which nothing is drawn."""
 
@@ -105,9 +107,9 @@ class Painter:
         self.image = image
         self.view = view
         self.lens = lens
-        self.eye = view.place()
-        self.turn = view.rotation()
-        self._middle = lens.matrix()[:2, 2]
+        self.eye = np.array(view.place())
+        self.turn = np.array(view.rotation())
+        self._middle = np.array(lens.matrix())[:2, 2]
         # How far sideways, up and down the picture reaches, in multiples of the depth.
         self._reach = np.array((lens.width, lens.height)) / 2 / lens.focal
 

@@ -6,9 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from drivers.sim.painter import Floats
 from drivers.sim.room import Colour, Fixture, Room, WallName
 from drivers.sim.things import Edge
-from drivers.sim.viewpoint import Floats
 
 _SHADES: dict[WallName, float] = {"front": 1.0, "left": 0.9, "back": 0.96, "right": 0.84}
 _SKIRTING = 0.09  # metres

@@ -15,12 +15,12 @@ from drivers.sim.block import Block, Disc, Point3
 from drivers.sim.canvas import Canvas, Points, Sprite, mirrored, oval
 from drivers.sim.face import mixed, paint_back_of_head, paint_hair_behind, paint_head
 from drivers.sim.looks import LOOKS, Look
-from drivers.sim.painter import NEAR_PLANE, Painter
+from drivers.sim.painter import NEAR_PLANE, Floats, Painter
 from drivers.sim.panels import holes, panels, shaded
 from drivers.sim.people import Presence
 from drivers.sim.room import Colour
 from drivers.sim.things import MARKER_SIZE, Ball, Box, Rover, Wall
-from drivers.sim.viewpoint import Floats, Pinhole, Viewpoint
+from drivers.sim.viewpoint import Pinhole, Viewpoint
 from drivers.sim.world import World
 
 # Hangs flat painted sheets in a picture, in true perspective: people, balls, markers.
@@ -51,7 +51,7 @@ def hang(painter: Painter, sizes: Sequence[Sprite], corner: Floats, across: Floa
     plane = painter.turn @ np.stack((across * step, down * step, corner - painter.eye), axis=1)
     rows = _rows_in_front(plane, sheet.shape[1], sheet.shape[0])
     if rows is not None:
-        _paste(painter, sheet[rows], painter.lens.matrix() @ plane @ _moved(0.0, float(rows.start)))
+        _paste(painter, sheet[rows], np.array(painter.lens.matrix()) @ plane @ _moved(0.0, float(rows.start)))
 
 
 def _rows_in_front(plane: Floats, width: int, height: int) -> slice | None:

@@ -5,14 +5,13 @@ Pixel coordinates are those of pixel centres, so the optical axis meets a pictur
 """
 
 from dataclasses import dataclass
-from math import cos, hypot, sin, tan
-
-import numpy as np
-import numpy.typing as npt
+from math import atan, cos, hypot, sin, tan
 
 from drivers.api import Pose2D
+from drivers.sim.block import Point3
 
-Floats = npt.NDArray[np.float64]
+Matrix3 = tuple[Point3, Point3, Point3]
+"""A matrix (3, 3), row by row."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,16 +24,16 @@ class Viewpoint:
     yaw: float = 0.0
     pitch: float = 0.0
 
-    def place(self) -> Floats:
-        """Return (x, y, z) in metres, float64."""
-        return np.array((self.x, self.y, self.z))
+    def place(self) -> Point3:
+        """Return (x, y, z) in metres."""
+        return self.x, self.y, self.z
 
-    def rotation(self) -> Floats:
-        """Return the matrix (3, 3) from world axes to camera axes: its rows are right, down and forward."""
+    def rotation(self) -> Matrix3:
+        """Return the matrix from world axes to camera axes: its rows are right, down and forward."""
         right = (sin(self.yaw), -cos(self.yaw), 0.0)
         down = (-sin(self.pitch) * cos(self.yaw), -sin(self.pitch) * sin(self.yaw), -cos(self.pitch))
         forward = (cos(self.pitch) * cos(self.yaw), cos(self.pitch) * sin(self.yaw), -sin(self.pitch))
-        return np.array((right, down, forward))
+        return right, down, forward
 
     def sees(self, x: float, y: float, z: float) -> tuple[float, float, float]:
         """Return a point of the world, in metres, in camera axes: right, down and forward."""
@@ -75,9 +74,9 @@ class Pinhole:
     @property
     def half_diagonal(self) -> float:
         """The angle in radians from the optical axis to a corner of the picture."""
-        return float(np.arctan(hypot(self.width, self.height) / 2 / self.focal))
+        return atan(hypot(self.width, self.height) / 2 / self.focal)
 
-    def matrix(self) -> Floats:
-        """Return the camera matrix K (3, 3): camera coordinates to homogeneous pixels."""
+    def matrix(self) -> Matrix3:
+        """Return the camera matrix K: camera coordinates to homogeneous pixels."""
         f = self.focal
-        return np.array(((f, 0.0, (self.width - 1) / 2), (0.0, f, (self.height - 1) / 2), (0.0, 0.0, 1.0)))
+        return (f, 0.0, (self.width - 1) / 2), (0.0, f, (self.height - 1) / 2), (0.0, 0.0, 1.0)

@@ -1,15 +1,11 @@
-"""WAV files: the one reader for recordings that are listened to and sounds that are played.
+"""WAV files: the one reader of headers, for recordings that are listened to and sounds that are played.
 
 Programs that write to a pipe, or are killed, leave wrong sizes in the header; so a size counts only as far as the file
 goes. A data size of 0 is refused: whether a sound follows it cannot be told from other chunks.
 """
 
-from collections.abc import Iterator
-from functools import cache
 from struct import Struct
 from typing import BinaryIO
-
-import numpy as np
 
 from drivers.api.quick import dataclass
 
@@ -22,11 +18,10 @@ NAMES = {
 }  # fmt: skip
 """Names of encodings, for people."""
 
-BLOCK = 65_536
-"""Frames that are decoded at once: a long recording of many channels does not fit into memory as floats."""
+SAMPLE_WIDTHS = {PCM: (1, 2, 3, 4), FLOAT: (4, 8), A_LAW: (1,), MU_LAW: (1,)}
+"""Bytes a sample may have, by the encodings that are decoded to be listened to (``drivers.microphone.wav``)."""
 
 _CHUNK, _FORMAT, _SIZES = Struct("<4sI"), Struct("<HHIIHH"), Struct("<QQ")
-_WIDTHS = {PCM: (1, 2, 3, 4), FLOAT: (4, 8), A_LAW: (1,), MU_LAW: (1,)}
 _GUID_TAIL = bytes.fromhex("000000001000800000aa00389b71")
 _UNKNOWN_SIZE = 0xFFFFFFFF
 
@@ -44,8 +39,6 @@ _OTHERS = (
     (4, b"ftyp", "an MP4 (M4A) file"),
     (8, b"AVI ", "a video (AVI)"),
 )
-
-Blocks = Iterator["np.ndarray[tuple[int, int], np.dtype[np.float64]]"]
 
 
 class BadWav(ValueError):
@@ -75,7 +68,7 @@ class WavFormat:
     @property
     def seconds(self) -> float:
         """How long the sound lasts; as its header says where it is compressed."""
-        return self.frames / self.rate if self.encoding in _WIDTHS else self.size / self.byte_rate
+        return self.frames / self.rate if self.encoding in SAMPLE_WIDTHS else self.size / self.byte_rate
 
 
 def read_header(file: BinaryIO) -> WavFormat:
@@ -103,21 +96,6 @@ def read_header(file: BinaryIO) -> WavFormat:
     raise BadWav("it has no sound: its data chunk is missing")
 
 
-def blocks(file: BinaryIO, form: WavFormat) -> Blocks:
-    """Yield the sound as frames by channels, ``BLOCK`` frames at a time, in floats of the range of 16 bits.
-
-    Raises BadWav, OSError.
-    """
-    if form.encoding not in _WIDTHS:
-        raise BadWav(f"its samples are {NAMES[form.encoding]}, which is not decoded here")
-    file.seek(form.begin)
-    frame, left = form.width * form.channels, form.frames
-    while left > 0 and (data := file.read(frame * min(BLOCK, left))):
-        whole = data[: len(data) // frame * frame]
-        yield _decode(whole, form).reshape(-1, form.channels)
-        left -= BLOCK
-
-
 def _describe_other(head: bytes) -> str:
     if not head:
         return "it is empty"
@@ -134,14 +112,16 @@ def _make_format(form: bytes, begin: int, size: int, there: int) -> WavFormat:
         if len(form) < 40 or form[26:40] != _GUID_TAIL:
             raise BadWav("its samples are of a kind that is not known (extensible)")
         encoding = int.from_bytes(form[24:26], "little")
-    if encoding not in (*_WIDTHS, MS_ADPCM, IMA_ADPCM):
+    if encoding not in (*SAMPLE_WIDTHS, MS_ADPCM, IMA_ADPCM):
         raise BadWav(f"its samples are {NAMES.get(encoding, f'of kind {encoding:#x}')}, which is not decoded")
     if not channels or not rate:
         raise BadWav(f"its format says {channels} channels and {rate} samples a second")
     width = frame // channels
-    if encoding in _WIDTHS and (width not in _WIDTHS[encoding] or frame % channels or not 0 < bits <= 8 * width):
+    if encoding in SAMPLE_WIDTHS and (
+        width not in SAMPLE_WIDTHS[encoding] or frame % channels or not 0 < bits <= 8 * width
+    ):
         raise BadWav(f"its format says {bits} bits in {frame} bytes for {channels} channels of {NAMES[encoding]}")
-    if encoding not in _WIDTHS and not byte_rate:
+    if encoding not in SAMPLE_WIDTHS and not byte_rate:
         raise BadWav("its format says 0 bytes a second")
     if size == 0:
         tail = f": its program did not end as it should, for {there} bytes follow" if there > 0 else ""
@@ -149,32 +129,3 @@ def _make_format(form: bytes, begin: int, size: int, there: int) -> WavFormat:
     if there <= 0 or min(size, there) < frame:
         raise BadWav("it has no sound: it ends behind its header")
     return WavFormat(encoding, channels, rate, max(width, 1), byte_rate, begin, min(size, there))
-
-
-def _decode(data: bytes, form: WavFormat) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
-    if form.encoding == FLOAT:
-        with np.errstate(over="ignore", invalid="ignore"):
-            floats = np.frombuffer(data, f"<f{form.width}").astype(np.float64) * 32768
-        return np.clip(np.nan_to_num(floats), -32768, 32767)
-    if form.encoding in (A_LAW, MU_LAW):
-        return _expansion_table(form.encoding)[np.frombuffer(data, np.uint8)]
-    if form.width == 1:
-        return (np.frombuffer(data, np.uint8).astype(np.float64) - 128) * 256
-    if form.width == 3:
-        parts = np.frombuffer(data, np.uint8).reshape(-1, 3)
-        upper = np.ascontiguousarray(parts[:, 1:]).view("<i2").ravel()
-        return upper.astype(np.float64) + parts[:, 0] / 256
-    scale = 256.0 ** (form.width - 2)
-    return np.frombuffer(data, f"<i{form.width}").astype(np.float64) / scale
-
-
-@cache
-def _expansion_table(encoding: int) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
-    """Return the 256 values of A-law or mu-law (ITU-T G.711)."""
-    byte = np.arange(256) ^ (0x55 if encoding == A_LAW else 0xFF)
-    step, exponent = byte & 15, byte >> 4 & 7
-    if encoding == A_LAW:
-        size = np.where(exponent == 0, 16 * step + 8, (16 * step + 264) << np.maximum(exponent - 1, 0))
-        return np.where(byte & 0x80, size, -size).astype(np.float64)
-    size = ((8 * step + 132) << exponent) - 132
-    return np.where(byte & 0x80, -size, size).astype(np.float64)

@@ -1,8 +1,6 @@
 """Advice for a device that the user may not open: the group to join, or what gives the right where no group does."""
 
-import grp
 import os
-import pwd
 import stat
 from collections.abc import Collection
 from pathlib import Path
@@ -16,6 +14,8 @@ def explain_denied(device: Path, path: str = "", groups: Collection[int] | None 
 
     ``path`` is the name to show, ``groups`` holds the group numbers of this login; by default those of this process.
     """
+    import grp  # noqa: PLC0415 - Python in a browser does not have it
+
     path = path or str(device)
     try:
         status, group = device.stat(), device.group()
@@ -43,6 +43,8 @@ def _grant(path: str, group: str) -> str:
 
 
 def _user(number: int) -> str:
+    import pwd  # noqa: PLC0415 - as above
+
     try:
         return pwd.getpwuid(number).pw_name
     except KeyError:

@@ -29,7 +29,7 @@ from perception.tracks import Tracker
 
 if TYPE_CHECKING:
     from missions.assembly.assemble import Place
-    from perception.markers import MarkerKind
+    from perception.tracks import MarkerKind
 
 
 class WatchfulSight:

@@ -8,7 +8,9 @@ import json
 import os
 import tempfile
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from behaviours.tracking import lag
@@ -16,7 +18,10 @@ from behaviours.tracking.lag import Lag
 from config.reading import read_regular
 from config.robot import RobotConfig
 from missions.library.folders import state_folder
-from perception.delay import EARLIEST, LATEST, Delay
+from perception.exposure_clock import EARLIEST, LATEST
+
+if TYPE_CHECKING:
+    from perception.delay import Delay
 
 KNOWN = 0.015
 """Seconds, one sigma, within which the lag of a base must be known to be kept; see ``Delay.known`` for the camera."""
@@ -53,11 +58,17 @@ class Lags:
         self._file = "" if simulated else _fingerprint(config)
         self._kept = {} if simulated else kept(config)
         self._other_camera = other_camera
-        told = 0.0 if config.camera is None else config.camera.delay
-        self.delay = Delay(0.0 if other_camera else self._kept.get(CAMERA, told))
+        self._told = 0.0 if config.camera is None else config.camera.delay
         self.lag = Lag()
         if BASE in self._kept:
             self.lag.believe(self._kept[BASE], learnt=True)
+
+    @cached_property
+    def delay(self) -> "Delay":
+        """The delay of the camera. A robot whose pictures are not searched never asks, and loads no numpy for it."""
+        from perception.delay import Delay  # noqa: PLC0415
+
+        return Delay(0.0 if self._other_camera else self._kept.get(CAMERA, self._told))
 
     def keep(self) -> None:
         """Write down what is known well by now, and drop what has proved wrong.
@@ -66,15 +77,15 @@ class Lags:
         """
         if self._simulated:
             return
-        found, delay, lag = dict(self._kept), self.delay, self.lag
+        found, lag = dict(self._kept), self.lag
         if lag.reports >= ENOUGH and lag.spread <= KNOWN:
             found[BASE] = round(lag.seconds, 4)
-        if self._other_camera:
-            pass
-        elif delay.pairs >= ENOUGH and delay.known:
-            found[CAMERA] = round(delay.seconds, 4)
-        elif CAMERA in found and delay.contradicts(found[CAMERA]):
-            del found[CAMERA]
+        if "delay" in vars(self) and not self._other_camera:
+            delay = self.delay
+            if delay.pairs >= ENOUGH and delay.known:
+                found[CAMERA] = round(delay.seconds, 4)
+            elif CAMERA in found and delay.contradicts(found[CAMERA]):
+                del found[CAMERA]
         if found != self._kept:
             _write(lags_file(self._name), {"robot_file": self._file, **found})
 

@@ -12,12 +12,10 @@ from drivers.sim.world import World
 from missions.assembly.truth import SensorNoise, TrueNames, Truth
 from missions.library.interests import Interests
 from perception.api import Face, Gaze, Marker, Scene, Thing, View
-from perception.eyes import NewestView
 from perception.geometry import Pinhole
 from perception.identity import Naming
-from perception.markers import MarkerSighting
-from perception.things import ThingSighting
-from perception.tracks import Sighting, Tracker
+from perception.senses import NewestView
+from perception.tracks import MarkerSighting, Sighting, ThingSighting, Tracker
 
 __all__ = ["Glimpse", "SensorNoise", "SteppedEyes", "TrueSight"]
 

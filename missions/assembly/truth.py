@@ -15,13 +15,18 @@ from drivers.sim.things import Box as Crate
 from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
 from perception.api import ANY, BALL, BOX, Box, Detection, Wanted
-from perception.colour import TURNED
 from perception.geometry import FACE_WIDTH, Pinhole
 from perception.identity import Look
-from perception.markers import MarkerKind, MarkerSighting
-from perception.spots import SMALLEST, WIDTH, Spot
-from perception.things import ThingSighting
-from perception.tracks import Sighting
+from perception.tracks import (
+    BOX_WIDENING,
+    SEARCH_WIDTH,
+    SMALLEST_SPOT,
+    MarkerKind,
+    MarkerSighting,
+    Sighting,
+    Spot,
+    ThingSighting,
+)
 
 # Names for eyes that know the world: what a recogniser would say of each face, mistakes now and then included.
 
@@ -162,8 +167,8 @@ class Truth:
             around = None if place is None else Box(place[0] - width / 2, place[1] - width / 2, width, width)
         else:
             around = self._around(view, _corners(thing.solid()))
-            width = 0.0 if around is None else around.width / TURNED
-        least = SMALLEST * self._lens.width / WIDTH
+            width = 0.0 if around is None else around.width / BOX_WIDENING
+        least = SMALLEST_SPOT * self._lens.width / SEARCH_WIDTH
         if around is None or min(around.width, around.height) < least:
             return None
         box = self._noticed(around, view, middle, now)

@@ -5,30 +5,25 @@ from dataclasses import replace
 from functools import partial
 from math import inf
 from random import Random
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, cast
 
 from config.robot import RobotConfig, Section
 from config.world import WorldConfig
 from drivers.api import CameraFrame, Device, Image, Mood
+from drivers.api.measures import Array
 from drivers.api.sections import ScreenKeys, VoiceKeys
 from drivers.api.senses import CameraKeys
-from drivers.camera.twin import CameraTwin
+from drivers.camera.twin import CameraTwin, black_like
 from drivers.microphone.twin import HearingTwin
 from drivers.screen.twin import ScreenTwin
 from drivers.sim.acts import Reply
-from drivers.sim.render import Renderer
 from drivers.sim.stage import Stage
 from drivers.sim.timeline import Timeline
 from drivers.sim.viewpoint import Pinhole as Lens
 from drivers.voice.twin import VoiceTwin
 from missions.assembly.assembled import Assembled, Looking
 from missions.assembly.duplex import HalfDuplex
-from missions.assembly.eyes import vision
 from missions.assembly.face import FRAME, Lips
-from missions.assembly.gallery import recogniser
-from missions.assembly.models import face_detector
 from missions.assembly.seeing import Glimpse, SensorNoise, SteppedEyes, TrueSight
 from missions.assembly.together import Hooks, gaze, made_by, put_together, with_carriers
 from missions.assembly.truth import TrueNames
@@ -36,9 +31,12 @@ from missions.assembly.twins import Twins
 from missions.library.interests import Interests
 from missions.library.worlds import build_physics, build_world
 from perception.api import Gaze, Words
-from perception.eyes import Vision
 from perception.geometry import Pinhole
 from perception.hearing.grammar import Grammar
+
+if TYPE_CHECKING:
+    from perception.eyes import Vision
+
 
 # How a robot in simulated time deals with the people in its world: the twins of its voice, its ears and its face.
 
@@ -126,8 +124,8 @@ detector. A camera that is quicker has its other pictures dropped by the real ey
 SEEING_TIME = 0.03
 """Seconds from a picture to what it shows."""
 
-WHITE: Image = np.full((1, 1, 3), 255, np.uint8)
-"""The picture of a camera whose eyes need none: covered, it is black."""
+WHITE, BLACK = cast(Image, Array()), cast(Image, Array())
+"""Stand-ins for the pictures of a camera, open and covered, that nothing searches. They have no pixels."""
 
 
 def twin_robot(
@@ -214,14 +212,14 @@ class _Place:
         parts[kind] = twin
         return twin, twin
 
-    def _eyes(self, keys: CameraKeys) -> Vision | TrueSight:
+    def _eyes(self, keys: CameraKeys) -> "Vision | TrueSight":
         self._twins.place = keys.position
         upright = keys.upright()
         self._twins.lens = Lens(upright.width, upright.height, upright.field_of_view)
         sight, self.looking = self.true_eyes() if self._truth else self.eyes(keys)
         return sight
 
-    def camera(self, draw: Callable[[float], Image]) -> CameraTwin:
+    def camera(self, draw: Callable[[float], Image], black: Callable[[Image], Image] = black_like) -> CameraTwin:
         twins = self._twins
         twins.parts["camera"] = found = CameraTwin(
             draw,
@@ -230,11 +228,17 @@ class _Place:
             report=self._audience.report,
             dropouts=self._world.dropouts,
             seed=self._seed,
+            black=black,
         )
         return found
 
-    def eyes(self, keys: CameraKeys) -> tuple[Vision, SteppedEyes[CameraFrame]]:
+    def eyes(self, keys: CameraKeys) -> "tuple[Vision, SteppedEyes[CameraFrame]]":
         """Return eyes that search pictures of the world."""
+        from drivers.sim.render import Renderer  # noqa: PLC0415 - numpy and OpenCV load for pictures alone
+        from missions.assembly.eyes import vision  # noqa: PLC0415
+        from missions.assembly.gallery import recogniser  # noqa: PLC0415
+        from missions.assembly.models import face_detector  # noqa: PLC0415
+
         twins, audience = self._twins, self._audience
         renderer = Renderer(twins.world, twins.lens, noise=self._world.noise, seed=self._seed)
         camera = self.camera(lambda time: renderer.draw(twins.viewpoint(), time))
@@ -280,7 +284,7 @@ class _Place:
             newest = sight.glimpse(time)
             return WHITE
 
-        camera = self.camera(draw)
+        camera = self.camera(draw, black=lambda _: BLACK)
 
         def take() -> Glimpse | None:
             frame = camera.expose(self._clock.now())

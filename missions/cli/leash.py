@@ -17,9 +17,9 @@ from typing import TextIO
 
 import click
 
-from missions.executive.events import Event, Notified
+from missions.executive.events import Event, Notified, Ticked
 from missions.executive.executive import Executive
-from missions.executive.stream import Stream
+from missions.executive.stream import Listener, Stream
 
 GONE = "nobody reads any more what it writes"
 
@@ -42,6 +42,20 @@ def heeded(files: Iterable[TextIO], gone: Callable[[str], object]) -> Iterator[N
 
     with watching("heeded", watch):
         yield
+
+
+def heeded_each_tick(files: Iterable[TextIO], gone: Callable[[str], object]) -> Listener:
+    """Return a listener that does what ``heeded`` does at each tick, without a thread: for simulated time."""
+    poll = select.poll()
+    for file in files:
+        with suppress(OSError, ValueError):  # as in ``heeded``
+            poll.register(file.fileno(), 0)
+
+    def look(event: Event) -> None:
+        if isinstance(event, Ticked) and poll.poll(0):
+            gone(GONE)
+
+    return look
 
 
 @contextmanager

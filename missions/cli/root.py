@@ -2,7 +2,6 @@
 
 import errno
 import os
-import resource
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -60,6 +59,10 @@ def _words(error: BaseException) -> str:
 
 def limit() -> int | None:
     """Return the bytes of memory that this process may take, as ``ulimit -v`` and ``-d`` say; None for any number."""
+    try:
+        import resource  # noqa: PLC0415 - Python in a browser does not have it
+    except ImportError:
+        return None
     found = [resource.getrlimit(each)[0] for each in (resource.RLIMIT_AS, resource.RLIMIT_DATA)]
     return min((each for each in found if each != resource.RLIM_INFINITY), default=None)
 

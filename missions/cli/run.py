@@ -91,7 +91,15 @@ def command(mission: str, **values: object) -> int:
         raise click.UsageError("--view takes the whole terminal, --json leaves it to a program: one of them")
     kept = record_wish(record, request)
     announcer = _announcer(request, ros2) if ros2.wanted(request) else None
-    outputs = Outputs(output.events, film.film, kept, view=view.view, leash=output.leash, announcer=announcer)
+    outputs = Outputs(
+        output.events,
+        film.film,
+        kept,
+        view=view.view,
+        leash=output.leash,
+        studio=studio.studio,
+        announcer=announcer,
+    )
     with studio_beside(wanted=studio.studio):
         return EXIT_CODES[_told(request, outputs, as_json=output.as_json).result]
 

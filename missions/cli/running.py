@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
@@ -15,12 +15,10 @@ from config.library import DEFAULT_ROBOT
 from config.units import written
 from drivers.api.quick import dataclass
 from missions.cli.commands import settle
-from missions.cli.leash import GONE, heeded, leashed
+from missions.cli.leash import GONE, heeded, heeded_each_tick, leashed
 from missions.cli.live import Watcher
 from missions.cli.options import tell_found
 from missions.cli.orders import check_events, check_film, check_order, check_pad, check_people, pad_of
-from missions.control.control import ControlSocket
-from missions.control.holders import noted, require_not_stopped
 from missions.control.pictures import Pictures
 from missions.executive.executive import Result
 from missions.executive.watchdog import attempt_all
@@ -31,6 +29,7 @@ from missions.runner import Runner, end_process
 
 if TYPE_CHECKING:
     from missions.cli.events_file import EventsFile
+    from missions.control.control import ControlSocket
     from missions.plugins.pictures.film import Film
     from missions.plugins.ros2.announcing import Announcer
     from missions.plugins.view.viewing import LiveView
@@ -43,7 +42,8 @@ LAST_WORDS_TIME = 3.0
 class Outputs:
     """What comes of a run, as far as it was asked for: its events as lines, a film, a record, a live ``view``.
 
-    ``leash`` is the end of the pipe of a server that has started it. ``announcer`` tells ROS 2 of it.
+    ``leash`` is the end of the pipe of a server that has started it. With ``studio`` the page of the studio shows it.
+    ``announcer`` tells ROS 2 of it.
     """
 
     events: Path | None = None
@@ -51,6 +51,7 @@ class Outputs:
     record: RecordWish | None = None
     view: bool = False
     leash: int | None = None
+    studio: bool = False
     announcer: "Announcer | None" = None
 
 
@@ -65,10 +66,19 @@ def run(
     ``last_words`` are said where a run that hangs for good ends the process.
     """
     with ExitStack() as loading:
+        if not _is_reachable(order, outputs):
+            return _run(order, outputs, out, last_words, loading)
+        from missions.control.holders import noted, require_not_stopped  # noqa: PLC0415 - a batch run needs none of it
+
         with suppress(OSError):  # without any folder, its control socket tells what that means
             loading.enter_context(noted(order.mission, order.robot or DEFAULT_ROBOT, order.simulation or ""))
         require_not_stopped()
         return _run(order, outputs, out, last_words, loading)
+
+
+def _is_reachable(order: RunRequest, outputs: Outputs) -> bool:
+    """Return True if `mission stop` and the studio are to know the run."""
+    return not order.is_batch or outputs.studio or outputs.leash is not None
 
 
 def _run(
@@ -107,18 +117,25 @@ def _run(
         if outputs.view:
             shown = _view(runner, watcher)
             runner.stream.listeners[0] = shown  # in the watcher's place
-        control = ControlSocket(runner, pictures)
+        control = _control(runner, pictures) if _is_reachable(order, outputs) else None
         if outputs.announcer is not None:
             runner.stream.listeners.append(outputs.announcer)
             closing.enter_context(outputs.announcer)
-        with shown, leashed(outputs.leash, runner.executive, runner.stream), control:
-            tell_unreachable(control)
+        with shown, leashed(outputs.leash, runner.executive, runner.stream), control or nullcontext():
+            if control is not None:
+                tell_unreachable(control)
             loading.close()
             settle()
             result = runner.run()
     if result.reason != GONE:
         _tell_left(_written(recording, events, film), runner.stream.lost)
     return result
+
+
+def _control(runner: Runner, pictures: Pictures) -> "ControlSocket":
+    from missions.control.control import ControlSocket  # noqa: PLC0415 - as in ``run``
+
+    return ControlSocket(runner, pictures)
 
 
 def _made(
@@ -174,7 +191,7 @@ def _check(order: RunRequest, outputs: Outputs, out: TextIO) -> None:
             raise click.UsageError(why)
 
 
-def tell_unreachable(control: ControlSocket) -> None:
+def tell_unreachable(control: "ControlSocket") -> None:
     """Say that no stop can reach a run. Raises NoStop where it would move a robot, unless the user allows that."""
     control.require_stop("mission run --without-stop")
     if control.trouble:
@@ -219,7 +236,9 @@ def _write(
         film = Film(outputs.film, runner.twins)
         closing.callback(_tell_trouble, film)
         closing.enter_context(film)
-    if outputs.leash is None:  # which tells that the server has gone
+    if not _is_reachable(runner.order, outputs):
+        runner.stream.listeners.append(heeded_each_tick(read, runner.executive.stop))
+    elif outputs.leash is None:  # which tells that the server has gone
         closing.enter_context(heeded(read, runner.executive.stop))
     return film, events
 

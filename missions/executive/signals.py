@@ -33,11 +33,13 @@ class Signals:
     Python's handlers run on the main thread, between two of its instructions: not while that is stuck in C. The number
     of a signal is written into a socket at once, wherever the main thread is; that is what ``heard`` looks at, and
     never takes out, since another process does so too (``lifeline``). Off the main thread, signals are not ours to
-    take, and nothing is ever heard.
+    take, and nothing is ever heard. Not ``with_socket``, a signal is heard once its handler has run.
     """
 
-    def __init__(self, stop: Callable[[str], None]) -> None:
+    def __init__(self, stop: Callable[[str], None], *, with_socket: bool = True) -> None:
         self._stop = stop
+        self._with_socket = with_socket
+        self._entered = False
         self._word: str | None = None
         self._reader: socket.socket | None = None
         self._writer: socket.socket
@@ -47,14 +49,16 @@ class Signals:
     def __enter__(self) -> Self:
         if threading.current_thread() is not threading.main_thread():
             return self
-        reader, writer = socket.socketpair()
-        for end in (reader, writer):
-            end.setblocking(False)
-            self._undo.callback(end.close)
-        self._undo.callback(signal.set_wakeup_fd, signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False))
+        if self._with_socket:
+            self._reader, self._writer = socket.socketpair()
+            for end in (self._reader, self._writer):
+                end.setblocking(False)
+                self._undo.callback(end.close)
+            before = signal.set_wakeup_fd(self._writer.fileno(), warn_on_full_buffer=False)
+            self._undo.callback(signal.set_wakeup_fd, before)
         for number in FAREWELL:
             self._undo.callback(signal.signal, number, signal.signal(number, self._request))
-        self._reader, self._writer = reader, writer
+        self._entered = True
         return self
 
     def __exit__(
@@ -62,6 +66,7 @@ class Signals:
     ) -> None:
         with self._lock:
             self._reader = None
+        self._entered = False
         self._undo.close()
 
     @property
@@ -82,19 +87,22 @@ class Signals:
 
     def retake(self) -> list[str]:
         """Take back the signals that a behaviour has taken or ignores; return their names. On the main thread."""
-        if self._reader is None:
+        if not self._entered:
             return []
         # signal.getsignal asks the same, and then tries to make an Enum's member of each: 40 times as long.
         taken = [number for number in FAREWELL if _signal.getsignal(number) != self._request]
         for number in taken:
             signal.signal(number, self._request)
-        if taken:
+        if taken and self._with_socket:
             signal.set_wakeup_fd(self._writer.fileno(), warn_on_full_buffer=False)
         return [number.name for number in taken]
 
     def _request(self, number: int, frame: FrameType | None) -> None:
         del frame
-        self._stop(FAREWELL[signal.Signals(number)])
+        word = FAREWELL[signal.Signals(number)]
+        if not self._with_socket:
+            self._word = self._word or word
+        self._stop(word)
 
 
 SILENCE = 5.0

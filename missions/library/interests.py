@@ -10,7 +10,7 @@ from missions.language.sought import looked_for
 from perception.api import Wanted
 
 if TYPE_CHECKING:
-    from perception.markers import MarkerKind
+    from perception.tracks import MarkerKind
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ def interests_of(tree: Step, camera: CameraKeys | None) -> Interests:
 
 
 def _markers(camera: CameraKeys | None) -> "MarkerKind":
-    from perception.markers import MarkerKind  # noqa: PLC0415 - most missions look for none
+    from perception.tracks import MarkerKind  # noqa: PLC0415 - most missions look for none
 
     if camera is None or camera.markers is None:
         return MarkerKind()

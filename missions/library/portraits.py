@@ -13,9 +13,6 @@ from contextlib import ExitStack, suppress
 from hashlib import sha256
 from pathlib import Path
 
-import cv2
-
-from drivers.pictures.decode import decoded
 from perception.api import Image
 
 NEW = ".new-"
@@ -46,6 +43,8 @@ def read(path: Path) -> Image | None:
     """Return a picture; None for a file that is none, or too large for a portrait. Raises OSError."""
     if path.stat().st_size > MOST_BYTES:
         return None
+    from drivers.pictures.decode import decoded  # noqa: PLC0415 - most commands read no picture
+
     return decoded(path.read_bytes(), MOST_PIXELS)
 
 
@@ -92,6 +91,8 @@ def _last_in(folder: Path) -> int:
 
 def _write(path: Path, picture: Image) -> None:
     """Write a picture, and wait until it is on the disk."""
+    import cv2  # noqa: PLC0415 - as above
+
     done, data = cv2.imencode(".png", picture)
     if not done:
         raise OSError(0, "a picture that cannot be encoded")

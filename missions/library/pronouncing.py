@@ -10,7 +10,6 @@ from drivers.errors import BadRequest, DriverError, NotConnected
 from drivers.sound.cut import Cut
 from drivers.sound.engines import Espeak
 from perception.hearing.confusion import confusable
-from perception.hearing.engines import Sphinx
 from perception.hearing.lexicon import Lexicon, english
 from perception.hearing.phones import phones_of
 
@@ -37,6 +36,8 @@ def lexicon_for(config: MicrophoneKeys, words: Sequence[str], clock: Clock) -> L
     """Return a lexicon that has all of some words. Raises NotConnected without pocketsphinx; BadRequest."""
     lexicon = english(config.pronunciations)
     if lexicon is None:
+        from perception.hearing.engines import Sphinx  # noqa: PLC0415 - it computes with arrays
+
         raise NotConnected("microphone: pocketsphinx, which understands speech, is not installed", hint=Sphinx.hint)
     unknown = lexicon.unknown(words)
     if not unknown:

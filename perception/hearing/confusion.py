@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from itertools import chain, combinations, islice, product
 
-from perception.hearing.features import edits
 from perception.hearing.lexicon import Lexicon
 from perception.hearing.phones import KIND_OF
 
@@ -32,3 +31,13 @@ def _ways(phrase: str, lexicon: Lexicon) -> list[tuple[str, ...]]:
 def _changes(one: Sequence[str], other: Sequence[str]) -> float:
     kinds = ([KIND_OF[phone] for phone in each] for each in (one, other))
     return (edits(one, other) + edits(*kinds)) / 2
+
+
+def edits(one: Sequence[str], other: Sequence[str]) -> int:
+    """Return how many insertions, deletions and replacements make ``other`` of ``one`` (Levenshtein's distance)."""
+    row = list(range(len(other) + 1))
+    for number, each in enumerate(one, 1):
+        before, row[0] = row[0], number
+        for place, against in enumerate(other, 1):
+            before, row[place] = row[place], min(row[place] + 1, row[place - 1] + 1, before + (each != against))
+    return row[-1]

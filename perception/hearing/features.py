@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from perception.hearing.confusion import edits
 from perception.hearing.endpoint import Clip
 from perception.hearing.phones import KIND_OF
 from perception.hearing.sound import RATE, Floats, levels
@@ -135,13 +136,3 @@ def _loudness(clip: Clip, spoken: Floats) -> dict[str, float]:
         "outside": float(np.log1p((loud & ~inside).sum())),
         "covered": float((loud & inside).sum() / max(1, loud.sum())),
     }
-
-
-def edits(one: Sequence[str], other: Sequence[str]) -> int:
-    """Return how many insertions, deletions and replacements make ``other`` of ``one`` (Levenshtein's distance)."""
-    row = list(range(len(other) + 1))
-    for number, each in enumerate(one, 1):
-        before, row[0] = row[0], number
-        for place, against in enumerate(other, 1):
-            before, row[place] = row[place], min(row[place] + 1, row[place - 1] + 1, before + (each != against))
-    return row[-1]

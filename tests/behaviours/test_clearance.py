@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.clearance import MARGIN, Lookout, free_way, free_ways, places, safe_speed, turned
+from behaviours.clearance import MARGIN, Lookout, Points, free_way, places, safe_speed, turned
 from behaviours.wander import CELL, Visited
 from drivers.api import BASE_RADIUS, BaseState, Pose2D, RangeScan, Velocity
 from missions.plugins.testing.recorders import Bench, none
@@ -15,8 +15,8 @@ from missions.plugins.testing.recorders import Bench, none
 REACH = BASE_RADIUS + MARGIN
 
 
-def seen(*points: tuple[float, float]) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    return np.array(points, dtype=np.float64).reshape(-1, 2)
+def seen(*points: tuple[float, float]) -> Points:
+    return list(points)
 
 
 @pytest.mark.parametrize(
@@ -41,14 +41,14 @@ def test_the_nearest_of_several_things_counts_and_without_any_the_way_is_free() 
 
 def test_ways_in_other_headings_are_those_of_a_base_that_has_turned() -> None:
     points = seen((1.0, 0.3), (0.2, -1.5), (-1.0, 0.1))
-    headings = np.radians(np.arange(-180.0, 180.0, 5.0))
-    ways = free_ways(points, headings)
-    assert ways.tolist() == pytest.approx([free_way(turned(points, float(heading))) for heading in headings])
+    headings = [math.radians(degrees) for degrees in range(-180, 180, 5)]
+    ways = [free_way(points, heading) for heading in headings]
+    assert ways == pytest.approx([free_way(turned(points, heading)) for heading in headings])
 
 
 def test_a_scan_is_seen_from_the_middle_of_the_base() -> None:
     scan = RangeScan(np.array([1.0, np.nan, 2.0], dtype=np.float32), 0.0, math.pi / 2, 0.0, 0, least=0.1, most=12.0)
-    assert places(scan, (0.05, 0.1, 0.3)) == pytest.approx(np.array(((1.05, 0.1), (-1.95, 0.1))))
+    assert places(scan, (0.05, 0.1, 0.3)) == [pytest.approx((1.05, 0.1)), pytest.approx((-1.95, 0.1))]
 
 
 @given(way=st.floats(0.0, 10.0), braking=st.floats(0.05, 2.0), reaction=st.floats(0.0, 0.5))
@@ -71,7 +71,7 @@ def test_what_the_base_has_driven_since_the_scan_brings_things_nearer() -> None:
     bench.ranger.show({0: 1.0})
     points = lookout.around(state(speed=0.5), bench.clock.now() + 0.2)
     assert points is not None
-    assert points.tolist() == [pytest.approx([0.9, 0.0])]
+    assert points == [pytest.approx((0.9, 0.0))]
 
 
 def test_what_the_base_has_turned_since_the_scan_turns_things_away() -> None:
@@ -80,7 +80,7 @@ def test_what_the_base_has_turned_since_the_scan_turns_things_away() -> None:
     bench.ranger.show({0: 1.0})
     points = lookout.around(state(heading=math.pi / 2), bench.clock.now())  # the recorder's heading then was 0
     assert points is not None
-    assert points.tolist() == [pytest.approx([0.0, -1.0])]
+    assert points == [pytest.approx((0.0, -1.0))]
 
 
 def test_a_finder_that_does_not_report_shows_nothing_known() -> None:

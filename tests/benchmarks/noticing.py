@@ -19,8 +19,9 @@ from missions.library.worlds import build_world
 from perception.api import Wanted
 from perception.change import MotionSense
 from perception.geometry import Pinhole
-from perception.markers import MarkerKind, MarkerSense
+from perception.markers import MarkerSense
 from perception.things import ThingSense
+from perception.tracks import MarkerKind
 from tests.benchmarks.table import Row, compare
 
 FRAMES = 20

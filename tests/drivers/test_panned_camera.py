@@ -63,7 +63,7 @@ def test_what_is_behind_the_camera_never_shows(yaw: float, pitch: float, field_o
     marked[20:28, 28:36] = 255
     view = Viewpoint(yaw=yaw, pitch=pitch)
     moved = turned(marked, view, field_of_view)
-    ahead = (view.rotation() @ (1.0, 0.0, 0.0))[2] > 0  # the marked middle is in front of the turned camera
+    ahead = (np.array(view.rotation()) @ (1.0, 0.0, 0.0))[2] > 0  # the marked middle is in front of the turned camera
     assert ahead or moved.max() < 200
     assert moved.shape == marked.shape
 

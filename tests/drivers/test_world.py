@@ -107,20 +107,20 @@ def test_a_room_has_volume() -> None:
 
 @given(st.floats(-7, 7), st.floats(-1.5, 1.5))
 def test_a_rotation_keeps_lengths_and_handedness(yaw: float, pitch: float) -> None:
-    rotation = Viewpoint(yaw=yaw, pitch=pitch).rotation()
+    rotation = np.array(Viewpoint(yaw=yaw, pitch=pitch).rotation())
     assert rotation @ rotation.T == pytest.approx(np.eye(3), abs=1e-9)
     assert np.linalg.det(rotation) == pytest.approx(1.0)
 
 
 def test_left_is_left_in_the_picture_and_a_look_down_lifts_what_is_ahead() -> None:
     ahead, left = (1.0, 0.0, 0.0), (1.0, 0.2, 0.0)
-    assert (Viewpoint().rotation() @ left)[0] < 0
-    assert (Viewpoint(pitch=0.3).rotation() @ ahead)[1] < 0
-    assert (Viewpoint(yaw=0.3).rotation() @ ahead)[0] > 0
+    assert (np.array(Viewpoint().rotation()) @ left)[0] < 0
+    assert (np.array(Viewpoint(pitch=0.3).rotation()) @ ahead)[1] < 0
+    assert (np.array(Viewpoint(yaw=0.3).rotation()) @ ahead)[0] > 0
 
 
 def test_half_the_field_of_view_ends_at_the_edge_of_the_picture() -> None:
     lens = Pinhole(640, 480, radians(60))
-    x, _, z = lens.matrix() @ (np.tan(radians(30)), 0.0, 1.0)
+    x, _, z = np.array(lens.matrix()) @ (np.tan(radians(30)), 0.0, 1.0)
     assert x / z == pytest.approx(639.5)
     assert lens.half_diagonal == pytest.approx(0.625, abs=0.001)

@@ -18,8 +18,9 @@ from missions.assembly.truth import Truth
 from missions.library.interests import Interests
 from perception.api import BALL, BOX, Gaze, Marker, Thing, Wanted
 from perception.geometry import wrap
-from perception.markers import MarkerKind, MarkerSense
+from perception.markers import MarkerSense
 from perception.things import ThingSense
+from perception.tracks import MarkerKind
 from tests.perception.rendered import CAMERA, LENS, frame
 
 FLAWLESS = SensorNoise(missed=0.0, noise=0.0)

@@ -14,8 +14,9 @@ from drivers.sim.viewpoint import Viewpoint
 from drivers.sim.world import World
 from perception.api import Gaze, Image
 from perception.change import shift
-from perception.delay import BELIEVED, EARLIEST, KNOWN, LONGEST_REST, Delay, Exposed, Exposures
+from perception.delay import BELIEVED, KNOWN, LONGEST_REST, Delay, Exposed, Exposures
 from perception.delay_grid import GRID
+from perception.exposure_clock import EARLIEST
 from perception.geometry import Pinhole
 from perception.levelling import level
 from tests.perception.rendered import CAMERA, LENS

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from perception.api import Gaze, Image, Marker
-from perception.markers import DICTIONARIES, MarkerKind, MarkerSense
+from perception.markers import MarkerSense, dictionary_of
+from perception.tracks import MARKER_FAMILIES, MarkerKind
 from tests.perception.rendered import CAMERA, LIGHTS, cell, frame, marker_picture, poorly
 
 R2 = MarkerKind(robots={7: "R2"})
@@ -67,9 +68,9 @@ def test_a_robot_that_shows_two_sides_is_one_robot() -> None:
     assert len(see(MarkerSense(R2), image)) == 1
 
 
-@pytest.mark.parametrize("family", DICTIONARIES)
+@pytest.mark.parametrize("family", MARKER_FAMILIES)
 def test_every_family_is_read(family: str) -> None:
-    dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES[family])
+    dictionary = dictionary_of(family)
     page = np.full((480, 640, 3), 220, np.uint8)
     page[150:330, 230:410] = cv2.aruco.generateImageMarker(dictionary, 5, 180)[..., None]
     sense = MarkerSense(MarkerKind(family, size=0.1))

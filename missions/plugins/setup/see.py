@@ -41,9 +41,10 @@ from perception.faults import BadModel
 from perception.finder import FaceFinder
 from perception.geometry import Pinhole
 from perception.identity import Recogniser
-from perception.markers import DICTIONARIES, MarkerKind, MarkerSense
+from perception.markers import MarkerSense
 from perception.pupils import EyeFinder
 from perception.things import ThingSense
+from perception.tracks import MARKER_FAMILIES, MarkerKind
 
 # Looking at pictures and films frame by frame, as a robot's eyes would, without a robot.
 
@@ -168,7 +169,7 @@ def _objects(ctx: click.Context, option: click.Parameter, values: tuple[str, ...
     "--markers",
     is_flag=False,
     flag_value="4x4_50",
-    type=click.Choice(list(DICTIONARIES)),
+    type=click.Choice(list(MARKER_FAMILIES)),
     metavar="[FAMILY]",
     help="Look for markers too: 4x4_50, apriltag_36h11...",
 )

@@ -28,8 +28,8 @@ from perception.api import Box, Face, Gaze, View
 from perception.delay import Delay
 from perception.delay_grid import GRID, Floats, find_unrecorded
 from perception.exposure_clock import ExposureClock
-from perception.eyes import NewestView
 from perception.geometry import FACE_WIDTH, Pinhole
+from perception.senses import NewestView
 from perception.tracks import Motion
 
 # The eyes of a trial: faces, measured in pixels with noise, and filtered over time as perception does it.

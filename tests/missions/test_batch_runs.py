@@ -1,0 +1,87 @@
+"""Runs in simulated time with known truth at full speed: they start nothing, and end as others do."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from math import inf
+from pathlib import Path
+
+import pytest
+from py_trees.common import Status
+
+from behaviours.leaf import Leaf
+from missions.language.plan import Step
+from missions.request import RunRequest
+from missions.runner import Runner
+
+WORDS = ("run", "patrol", "--robot", "turtlebot2_arm", "--simulate", "fast", "--eyes", "truth")
+
+
+def started(folder: Path) -> "subprocess.Popen[str]":
+    own = {"XDG_RUNTIME_DIR": str(folder), "XDG_CONFIG_HOME": str(folder)}
+    return subprocess.Popen(
+        [sys.executable, "-m", "missions", *WORDS],
+        env={**os.environ, **own},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_a_batch_run(tmp_path: Path, number: int) -> None:
+    with started(tmp_path) as run:
+        assert run.stdout is not None
+        first = [run.stdout.readline() for _ in range(2)]  # it ticks
+        run.send_signal(number)
+        out, error = run.communicate()
+    assert (run.returncode, first[0]) == (130, "mission patrol on turtlebot2_arm\n"), error
+    assert "interrupted" in out.splitlines()[-1]
+
+
+def test_a_closed_output_ends_a_batch_run(tmp_path: Path) -> None:
+    with started(tmp_path) as run:
+        assert run.stdout is not None
+        run.stdout.readline()
+        run.stdout.close()
+        assert run.wait() == 130
+
+
+class Spy(Leaf):
+    """Succeeds, and notes the threads that there are then."""
+
+    seen: tuple[str, ...] = ()
+
+    def update(self) -> Status:
+        Spy.seen = tuple(thread.name for thread in threading.enumerate())
+        return Status.SUCCESS
+
+
+def put_spies(step: Step, leaf: Leaf | None) -> Leaf | None:
+    return None if leaf is None else Spy(step.name)
+
+
+@pytest.mark.parametrize(
+    ("leaf", "watched"), [("behaviours", False), ("behaviours.driving.turning", False), ("my_leaves", True)]
+)
+def test_only_leaves_of_others_are_watched(monkeypatch: pytest.MonkeyPatch, leaf: str, watched: bool) -> None:
+    monkeypatch.setattr(Spy, "__module__", leaf)
+    request = RunRequest("look_around", robot="turtlebot2_arm", simulate="fast", eyes="truth")
+    Runner(request, substitute=put_spies).run()
+    assert ("watchdog" in Spy.seen) == watched
+
+
+@pytest.mark.parametrize(
+    ("request_", "batch"),
+    [
+        (RunRequest("greet", simulate="fast", eyes="truth"), True),
+        (RunRequest("greet", simulate="fast", eyes="truth", speed=1000.0), False),
+        (RunRequest("greet", simulate="fast"), False),
+        (RunRequest("greet", simulate="wire", eyes="truth"), False),
+        (RunRequest("greet", robot="turtlebot2", eyes="truth", speed=inf), False),
+    ],
+)
+def test_whatever_moves_or_can_be_watched_is_no_batch_run(request_: RunRequest, batch: bool) -> None:
+    assert request_.is_batch is batch
