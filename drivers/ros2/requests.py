@@ -2,10 +2,12 @@
 
 import json
 from collections.abc import Callable, Mapping
+from enum import Enum
 from functools import partial
 from itertools import count
 from math import inf
 from threading import RLock
+from typing import Final
 from uuid import uuid4
 
 from drivers.api.ros2 import GoalState, Progress
@@ -43,19 +45,52 @@ REJECTED = 1
 _NAMES = {4: "succeeded", 5: "was cancelled", 6: "was aborted"}
 
 
-class _Request:
-    """A request: to a service, or a goal of an action.
+class GoalPhase(Enum):
+    """Phase of a request. UNWANTED: it is to be cancelled once it is accepted; CANCEL_DUE: its cancel is to be sent.
 
-    ``loose``: its end is unknown, so that it may go on, until its server has heard that it is to be cancelled.
+    LOOSE: the end of a goal is unknown, so that it may go on, until its server has confirmed a cancel.
     """
+
+    OFFERED, UNWANTED, RUNNING, CANCEL_DUE, CANCEL_SENT, LOOSE, OVER = range(7)
+
+
+class GoalEvent(Enum):
+    """Event of a request: an answer of its server, or CANCEL and CANCEL_OUT: a cancel is wanted, and was sent."""
+
+    ACCEPT, CANCEL, CANCEL_OUT, REFUSE_CANCEL, CONFIRM_CANCEL, LOSE, END = range(7)
+
+
+UNDER_WAY: Final = frozenset(GoalPhase) - {GoalPhase.LOOSE, GoalPhase.OVER}
+
+TRANSITIONS: Final = {
+    **{(phase, GoalEvent.END): GoalPhase.OVER for phase in UNDER_WAY},
+    **{(phase, GoalEvent.LOSE): GoalPhase.LOOSE for phase in UNDER_WAY},
+    (GoalPhase.OFFERED, GoalEvent.ACCEPT): GoalPhase.RUNNING,
+    (GoalPhase.OFFERED, GoalEvent.CANCEL): GoalPhase.UNWANTED,
+    (GoalPhase.UNWANTED, GoalEvent.ACCEPT): GoalPhase.CANCEL_DUE,
+    (GoalPhase.RUNNING, GoalEvent.CANCEL): GoalPhase.CANCEL_DUE,
+    (GoalPhase.CANCEL_DUE, GoalEvent.CANCEL_OUT): GoalPhase.CANCEL_SENT,
+    (GoalPhase.CANCEL_SENT, GoalEvent.CANCEL): GoalPhase.CANCEL_DUE,
+    (GoalPhase.CANCEL_SENT, GoalEvent.REFUSE_CANCEL): GoalPhase.CANCEL_DUE,
+    (GoalPhase.LOOSE, GoalEvent.CONFIRM_CANCEL): GoalPhase.OVER,
+}
+"""Any other pair changes nothing: answers may be late, or come twice."""
+
+
+class _Request:
+    """A request: to a service, or a goal of an action. Its phase is changed under the lock of ``Requests``."""
 
     def __init__(self, name: str, kind: str, server: wire.Entity, *, goal: bool) -> None:
         self.name, self.kind, self.server, self.goal = name, kind, server, goal
         self.uuid = list(uuid4().bytes)
         self.progress = Progress(GoalState.SENT)
-        self.accepted = self.cancel = self.cancelling = self.loose = False
+        self.phase = GoalPhase.OFFERED
         self.asked = -inf  # when it was last sent a cancel
         self.lost_since: float | None = None
+
+    def handle(self, event: GoalEvent) -> None:
+        """Go on to the next phase."""
+        self.phase = TRANSITIONS.get((self.phase, event), self.phase)
 
 
 class Requests:
@@ -95,10 +130,10 @@ class Requests:
         """Cancel an action; one that is not accepted yet, as soon as it is. Asked again, it is sent again."""
         with self._lock:
             request = self._all.get(number)
-            if request is None or not request.goal or (request.progress.over and not request.loose):
+            if request is None or not request.goal or request.phase is GoalPhase.OVER:
                 return
-            request.cancel, request.cancelling = True, False
-            begun = request.accepted or request.loose
+            request.handle(GoalEvent.CANCEL)
+            begun = request.phase is not GoalPhase.UNWANTED
             self._tell(request, GoalState.CANCELLING)
         if begun:
             self._send_cancel(request)
@@ -111,7 +146,7 @@ class Requests:
     def has_goal(self) -> bool:
         """Return whether the goal of an action may still be under way."""
         with self._lock:
-            return any(each.goal and (each.loose or not each.progress.over) for each in self._all.values())
+            return any(each.goal and each.phase is not GoalPhase.OVER for each in self._all.values())
 
     def progress(self, number: int) -> Progress:
         """Return how far one has come. Raises BadRequest for a number that was never given, or long ago."""
@@ -166,7 +201,7 @@ class Requests:
         with self._lock:
             number = next(self._numbers)
             self._all[number] = request
-            over = [each for each, it in self._all.items() if it.progress.over and not it.loose]
+            over = [each for each, it in self._all.items() if it.phase is GoalPhase.OVER]
             for each in over[:-KEPT]:
                 del self._all[each]
         return number, request
@@ -178,7 +213,9 @@ class Requests:
             if request.progress.over:
                 return
             request.progress = Progress(state, reason, feedback or request.progress.feedback, result)
-            request.loose = request.goal and state is GoalState.UNKNOWN
+            if request.progress.over:
+                loose = request.goal and state is GoalState.UNKNOWN
+                request.handle(GoalEvent.LOSE if loose else GoalEvent.END)
         self._changed()
 
     def _answered(self, request: _Request, payload: bytes | None) -> None:
@@ -209,8 +246,8 @@ class Requests:
             self._tell(request, GoalState.FAILED, f"{request.name}: the goal was rejected")
             return
         with self._lock:
-            request.accepted = True
-            cancel = request.cancel
+            request.handle(GoalEvent.ACCEPT)
+            cancel = request.phase in {GoalPhase.CANCEL_DUE, GoalPhase.CANCEL_SENT}
             self._tell(request, GoalState.CANCELLING if cancel else GoalState.RUNNING)
         if cancel:
             self._send_cancel(request)
@@ -232,7 +269,8 @@ class Requests:
 
     def _send_cancel(self, request: _Request) -> None:
         with self._lock:
-            request.cancelling, request.asked = True, self._clock.now()
+            request.handle(GoalEvent.CANCEL_OUT)
+            request.asked = self._clock.now()
         asked = types().encode(f"{CANCEL_KIND}_Request", {"goal_info": {"goal_id": {"uuid": request.uuid}}})
         self._ask(request, CANCEL, CANCEL_KIND, asked, partial(self._cancel_heard, request), ANSWER_TIME)
 
@@ -245,17 +283,17 @@ class Requests:
             self._nodes().faults.add_of(f"{request.name}/{CANCEL}", error)
         with self._lock:
             if code == REJECTED:
-                request.cancelling = False  # so it is asked again
+                request.handle(GoalEvent.REFUSE_CANCEL)
                 return
-            request.loose = False
+            request.handle(GoalEvent.CONFIRM_CANCEL)
         if code == NOT_KNOWN:
             self._tell(request, GoalState.FAILED, f"{request.name}: its server does not know this goal any more")
 
     def _cancel_again(self, request: _Request, node: Node | None, now: float) -> None:
         """Cancel a goal once more whose cancel was lost, or whose end is unknown, where its server is there."""
         with self._lock:
-            lost = request.cancel and request.accepted and not request.cancelling and not request.progress.over
-            if not (lost or request.loose) or node is None or now - request.asked <= AGAIN:
+            due = request.phase in {GoalPhase.CANCEL_DUE, GoalPhase.LOOSE}
+            if not due or node is None or now - request.asked <= AGAIN:
                 return
         if node.entities(wire.SERVER, f"{request.name}/{CANCEL}"):
             self._send_cancel(request)

@@ -1,5 +1,6 @@
 """Goals whose end is unknown, and cancels that are lost: turned by hand."""
 
+from random import Random
 from typing import Any, cast
 
 import pytest
@@ -7,9 +8,10 @@ import pytest
 from drivers.api.ros2 import GoalState
 from drivers.errors import NotConnected
 from drivers.ros2.node import Node
-from drivers.ros2.requests import Requests
+from drivers.ros2.requests import GoalPhase, Requests
 from drivers.ros2.types import types
 from drivers.ros2.wire import Entity
+from tests.machines import walk
 
 NAVIGATE = "nav2_msgs/action/NavigateToPose"
 CANCEL = "action_msgs/srv/CancelGoal"
@@ -151,3 +153,43 @@ def test_a_goal_that_never_ends_goes_on_for_days_while_its_server_is_there() -> 
         look(network, requests, 3600.0)
     assert requests.progress(number).state is GoalState.RUNNING
     assert network.patience > 100 * 3600.0
+
+
+class Goal:
+    """A goal that was just sent, and its answers as they come."""
+
+    def __init__(self) -> None:
+        self.network = Network()
+        self.requests = Requests(lambda: cast(Node, self.network), cast(Any, self.network), lambda: None)
+        self.number = self.requests.begin("/navigate_to_pose", NAVIGATE, {})
+        self.answered = 0
+
+    def answer(self, chance: Random) -> None:
+        """Answer the oldest question that has had no answer."""
+        if self.answered < len(self.network.asked):
+            kind, replied = self.network.asked[self.answered]
+            self.answered += 1
+            accepted = types().encode(f"{NAVIGATE}_SendGoal_Response", {"accepted": chance.random() < 0.8})
+            ended = types().encode(f"{NAVIGATE}_GetResult_Response", {"status": chance.choice((4, 5, 6, 2))})
+            answers = {CANCEL: chance.choice((HEARD, REJECTED, NOT_KNOWN)), f"{NAVIGATE}_SendGoal": accepted}
+            replied(chance.choice((None, *[answers.get(kind, ended)] * 3)))
+
+
+def test_random_answers_take_every_transition_and_a_goal_that_may_go_on_is_cancelled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def cancel(goal: Goal, _: Random) -> None:
+        goal.requests.cancel(goal.number)
+
+    def let_time_pass(goal: Goal, chance: Random) -> None:
+        goal.network.there = chance.random() < 0.8
+        look(goal.network, goal.requests, chance.choice((0.5, 2.0)))
+        asked = len(goal.network.cancels)
+        goal.network.there = True
+        look(goal.network, goal.requests, 2.0)
+        if goal.requests._all[goal.number].phase is GoalPhase.LOOSE:
+            assert len(goal.network.cancels) == asked + 1
+
+    actions = [cancel, let_time_pass, Goal.answer, Goal.answer]
+    table = walk(monkeypatch, "drivers.ros2.requests.TRANSITIONS", Goal, actions, steps=12)
+    assert table.visited == set(table)
