@@ -10,8 +10,8 @@ from rich.table import Table
 
 from behaviours.leaf import Leaf
 from config.units import UNITS
+from missions.cli.console import console, echo
 from missions.cli.options import own_files
-from missions.cli.printable import console, echo
 from missions.language.counts import COUNTS
 from missions.language.nodes import BRANCHES, COMPOSITES, MODIFIERS, OTHERS
 from missions.language.steps import BESIDE

@@ -19,8 +19,8 @@ from config.world import load_world
 from drivers.api.driver import BrokenDriver
 from drivers.api.sections import ArmKeys
 from missions.cli.behaviours import list_behaviours
+from missions.cli.console import echo
 from missions.cli.declared import behaviours_option
-from missions.cli.printable import echo
 from missions.library.drivers import Table, load_robot
 from missions.library.shipped import MOTIONS, load_mission, shipped_missions
 

@@ -25,7 +25,7 @@ from missions.executive.events import (
 from missions.trees.drawing import ACTIVE
 
 if TYPE_CHECKING:
-    from missions.cli.printable import LiveLines
+    from missions.cli.console import LiveLines
 
 REFRESH = 0.1
 """Seconds between two drawings of the live line."""
@@ -75,7 +75,7 @@ def lines_on(out: TextIO) -> "PlainLines | LiveLines":
     """Return the lines of a terminal, or of what is none."""
     if not out.isatty():
         return PlainLines(out)
-    from missions.cli.printable import LiveLines  # noqa: PLC0415 - most runs of a robot have no terminal
+    from missions.cli.console import LiveLines  # noqa: PLC0415 - most runs of a robot have no terminal
 
     return LiveLines(out)
 

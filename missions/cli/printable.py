@@ -8,15 +8,11 @@ import codecs
 import io
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, TextIO, cast
 
 import click
-from rich.console import Console, ConsoleOptions, RenderableType
-from rich.live import Live
-from rich.segment import Segment
-from rich.text import Text
 
 _OBEYED = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]|\r(?!\n)")
 """Control codes of both sets but tab and new line, separators of lines, and what turns the direction of writing."""
@@ -83,54 +79,6 @@ def printable_streams() -> Iterator[None]:
         for name, stream in zip(("stdout", "stderr"), before, strict=True):
             if getattr(sys, name) is not None:  # the reader of our output may have gone
                 setattr(sys, name, stream)
-
-
-# The one way to colours, tables and lines that move: consoles whose texts hold nothing that a terminal obeys.
-
-
-class PrintableConsole(Console):
-    """A console of rich: its own codes reach the terminal, those within texts are written out."""
-
-    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        """Return what is to be written, each text of it made printable."""
-        for segment in super().render(renderable, options):
-            yield segment if segment.control else segment._replace(text=printable(segment.text))
-
-
-def console(out: TextIO | None = None, *, highlight: bool = False, soft_wrap: bool = False) -> PrintableConsole:
-    """Return a console on ``out``, or on stdout."""
-    return PrintableConsole(file=terminal(out or sys.stdout), highlight=highlight, soft_wrap=soft_wrap)
-
-
-def echo(text: str, style: str, *more: str) -> None:
-    """Print a line on stdout: ``text`` in that style, and ``more`` behind it."""
-    console(soft_wrap=True).print(Text.assemble((text, style), *more))
-
-
-class LiveLines:
-    """Lines of a terminal with their colours, and the one below them, which goes with ``stop``."""
-
-    moves = True
-
-    def __init__(self, out: TextIO) -> None:
-        self._console = console(out, soft_wrap=True)
-        self._live = Live(console=self._console, auto_refresh=False, transient=True)
-
-    def start(self) -> None:
-        """Begin to show the line below, and what others print, above it."""
-        self._live.start()
-
-    def stop(self) -> None:
-        """End that."""
-        self._live.stop()
-
-    def print(self, *parts: str | tuple[str, str]) -> None:
-        """Write a line of texts, each with its style or plain."""
-        self._console.print(Text.assemble(*parts))
-
-    def show(self, line: str) -> None:
-        """Draw the line below, cut off where the terminal ends."""
-        self._live.update(Text(line, no_wrap=True, overflow="ellipsis"), refresh=True)
 
 
 # A line that is shown again and again in one place of a terminal.

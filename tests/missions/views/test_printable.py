@@ -9,7 +9,8 @@ import pytest
 from rich.live import Live
 from rich.text import Text
 
-from missions.cli.printable import PrintableStream, all_printable, console, printable, printable_streams, show_over
+from missions.cli.console import console
+from missions.cli.printable import PrintableStream, all_printable, printable, printable_streams, show_over
 from missions.cli.root import guarded, mission
 from tests.missions.records.recording.small_record import write
 from tests.missions.records.replay.test_malicious_records import ESCAPES, hostile_items

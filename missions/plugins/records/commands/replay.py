@@ -13,12 +13,12 @@ import click
 from rich.live import Live
 
 from drivers.clock import SystemClock
+from missions.cli.console import console
 from missions.cli.declared import behaviours_option
 from missions.cli.keys import Keys, interruptible
 from missions.cli.names import MISSION
 from missions.cli.numbers import Real
 from missions.cli.options import SECONDS
-from missions.cli.printable import console
 from missions.cli.root import FAILURE, SUCCESS, USAGE
 from missions.plugins.pictures.movie import Movie, check_place
 from missions.plugins.records.recording.read import Record, open_record

@@ -18,11 +18,11 @@ from drivers.clock import SystemClock, time_of_day
 from drivers.finding.fitness import fitness
 from drivers.finding.machine import Machine
 from drivers.finding.survey import survey
+from missions.cli.console import echo
 from missions.cli.keys import interruptible
 from missions.cli.names import ROBOT
 from missions.cli.options import pairs
 from missions.cli.outputs import writing
-from missions.cli.printable import echo
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import load_robot
 from missions.library.folders import checkup_file, state_folder

@@ -16,8 +16,8 @@ from drivers.servos.register import Register
 from drivers.servos.units import baud_of, called
 from missions.cli.columns import in_columns
 from missions.cli.commands import SharingCommand
+from missions.cli.console import console
 from missions.cli.numbers import InUnit
-from missions.cli.printable import console
 from missions.cli.root import FAILURE, SUCCESS
 from missions.plugins.setup.servo.bench import Bench, opened_bus, pause
 from missions.plugins.setup.servo.reading import Felt, feel, table_of

@@ -14,13 +14,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from config.defaults import load_defaults
 from config.units import in_dimension
 from drivers.clock import SystemClock
+from missions.cli.console import console
 from missions.cli.declared import behaviours_option, declared_options, options_of_run, params_option
 from missions.cli.keys import interruptible
 from missions.cli.names import MISSION
 from missions.cli.numbers import Whole
 from missions.cli.options import pairs
 from missions.cli.origin import chosen_robot
-from missions.cli.printable import console
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.run import EXIT_CODES
 from missions.cli.running import Outputs

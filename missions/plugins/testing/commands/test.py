@@ -13,13 +13,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from config.faults import Diagnostic, InvalidFileError
 from config.saving import save_file
 from drivers.clock import SystemClock
+from missions.cli.console import console, echo
 from missions.cli.declared import behaviours_option
 from missions.cli.names import TESTED
 from missions.cli.numbers import Whole
 from missions.cli.options import tell_found
 from missions.cli.origin import chosen_robot
 from missions.cli.outputs import writing
-from missions.cli.printable import console, echo
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.shipped import behaviour_files
 from missions.plugins.testing import report

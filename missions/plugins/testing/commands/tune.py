@@ -14,11 +14,11 @@ from config.faults import Source
 from config.library import find
 from config.marked import read_source
 from config.saving import save_file
+from missions.cli.console import console
 from missions.cli.keys import interruptible
 from missions.cli.names import CONTROLLER
 from missions.cli.numbers import Whole
 from missions.cli.outputs import writing
-from missions.cli.printable import console
 from missions.cli.root import INTERRUPTED, SUCCESS
 from missions.plugins.testing.commands.controller import read
 from missions.plugins.testing.controllers.bench import bench, table
