@@ -32,7 +32,7 @@ from drivers.table import HOUSE
 from missions.cli.commands import COMMANDS as MISSION_COMMANDS
 from missions.cli.declared import DeclaredOption
 from missions.cli.run import command as run
-from missions.control.form import members
+from missions.codec import members
 from missions.control.messages import ERRORS, MESSAGES
 from missions.executive.state import state_of
 from missions.language.counts import COUNTS

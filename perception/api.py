@@ -7,7 +7,6 @@ Positions in a picture are pixels from its top left corner, x to the right, y do
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, Protocol
-from warnings import warn
 
 if TYPE_CHECKING:
     import numpy as np
@@ -94,27 +93,20 @@ class Percept:
 
     ``id`` stays while the track lives. ``stamp`` is the time of the frame that last showed it, ``box`` where in that
     frame. ``bearing`` and ``elevation`` are its angles from that frame's optical axis: left is positive, and so is
-    *down*, as with every tilt and ``pitch`` (REP 103). Records and missions call the latter ``drop``. ``yaw``,
-    ``pitch`` (odometry frame) and their rates in rad/s are filtered over time. ``distance`` is in metres.
+    *down*, as with every tilt and ``pitch`` (REP 103). ``yaw``, ``pitch`` (odometry frame) and their rates in rad/s are
+    filtered over time. ``distance`` is in metres.
     """
 
     id: int
     stamp: Duration
     box: Box
     bearing: Angle
-    elevation: Angle = field(metadata={"recorded": "drop"})
+    elevation: Angle
     yaw: Angle
     pitch: Angle
     yaw_rate: TurnRate
     pitch_rate: TurnRate
     distance: Length
-
-    @property
-    def drop(self) -> Angle:
-        """The ``elevation``, by its former name, which missions may go on to read. Deprecated in Python."""
-        message = "Percept.drop is called elevation now; the former name goes with the next release"
-        warn(message, DeprecationWarning, stacklevel=2)
-        return self.elevation
 
     def predict(self, time: float) -> tuple[float, float]:
         """Return (yaw, pitch) at ``time``, if it goes on as it did."""

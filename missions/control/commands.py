@@ -7,13 +7,23 @@ is answered only where something is wrong with it.
 from typing import Annotated, ClassVar, Literal
 
 from drivers.api.quick import dataclass
-from missions.control.form import Bound
+from missions.codec import MAX_INTEGER, Bound, Rules
 
 KEY = "do"
 """The member that has the word of a command."""
 
 LARGEST = 64 * 1024
 """Bytes of a command, at most."""
+
+RULES = Rules(
+    max_text=4096,
+    max_members=256,
+    max_number=MAX_INTEGER,
+    is_text=lambda text: "\0" not in text and not any("\ud800" <= letter <= "\udfff" for letter in text),
+    text="a text without NUL, and without halves of letters",
+    omit_none=True,
+)
+"""How commands and messages are written and read: each text can be written to a file and stand on a command line."""
 
 Role = Literal["viewer", "operator"]
 """Who may: a viewer sees, and stops; an operator does all."""
@@ -29,6 +39,17 @@ Stamp = Annotated[
     Bound(0, 2**53),
 ]
 Share = Bound(-1.0, 1.0)
+
+
+class BadMessage(ValueError):
+    """A message that is not a command, or that cannot be obeyed; ``error`` is its name in answers."""
+
+    def __init__(self, error: str, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.error, self.hint = error, hint
+
+    def __reduce__(self) -> tuple[type["BadMessage"], tuple[str, str, str]]:
+        return BadMessage, (self.error, str(self), self.hint)  # as it comes from another process
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

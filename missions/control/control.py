@@ -22,9 +22,8 @@ from drivers.api.quick import dataclass
 from drivers.clock import Clock, SystemClock, time_of_day
 from missions.control import abstract, sockets
 from missions.control.audience import IDLE, NOTHING, Audience, Client
-from missions.control.commands import Command, Drive, Look, Release, Seen, Stop, Watch
+from missions.control.commands import BadMessage, Command, Drive, Look, Release, Seen, Stop, Watch
 from missions.control.doing import Doing
-from missions.control.form import BadMessage
 from missions.control.holders import require_stop
 from missions.control.messages import Answer, Over, Run
 from missions.control.notes import Notes

@@ -19,6 +19,7 @@ from drivers.clock import Clock
 from drivers.errors import DriverError
 from drivers.head.pantilt import Trimmable
 from missions.control.commands import (  # fmt: skip
+    BadMessage,
     Command,
     Drive,
     Fault,
@@ -35,7 +36,6 @@ from missions.control.commands import (  # fmt: skip
     Tune,
     Tuned,
 )
-from missions.control.form import BadMessage
 from missions.control.wheels import RELEASE, Wheels
 from missions.executive.events import Logged
 from missions.library.plugins import service

@@ -6,17 +6,14 @@ from math import isfinite
 from typing import Annotated, Any, ClassVar, Literal
 
 from drivers.api.quick import dataclass
-from missions.control.commands import Role
-from missions.control.form import written
+from missions.codec import encode_word
+from missions.control.commands import RULES, Role
 
 SAY = "say"
 """The member that has the word of a message."""
 
 VERSION = 2
 """The number of the protocol: it grows when a client of before would go wrong."""
-
-OLDEST_VERSION = 1
-"""The oldest version whose clients are let in: their `stop` works, and `drive` is refused without its `stamp`."""
 
 ERRORS: Mapping[str, str] = {
     "no_json": "The message is no JSON object.",
@@ -218,9 +215,9 @@ MESSAGES: Mapping[str, type[Any]] = {
 """Every message by its word."""
 
 
-def line_of(message: object) -> bytes:
+def line_of(message: Any) -> bytes:
     """Return a message as JSON."""
-    return as_json(written(message, SAY))
+    return as_json(encode_word(message, SAY, RULES))
 
 
 def as_json(data: object) -> bytes:

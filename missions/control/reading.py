@@ -4,11 +4,13 @@ import re
 from collections.abc import Mapping
 from itertools import islice
 
-from config.faults import did_you_mean
 from config.reading import parse_json
+from missions.codec import CodecError, UnknownWordError, decode_word, parse
 from missions.control.commands import (  # fmt: skip
     KEY,
     LARGEST,
+    RULES,
+    BadMessage,
     Command,
     Drive,
     Fault,
@@ -27,7 +29,6 @@ from missions.control.commands import (  # fmt: skip
     Tuned,
     Watch,
 )
-from missions.control.form import BadMessage, read, shown
 
 RUN_COMMANDS: Mapping[str, type[Command]] = {
     kind.word: kind
@@ -95,13 +96,14 @@ def read_command(line: str | bytes, *, words: Mapping[str, type[Command]] = RUN_
     if len(line) > LARGEST:
         raise BadMessage("too_large", f"a command has at most {LARGEST} bytes, this one {len(line)}")
     try:
-        data = parse_json(line)
-    except ValueError as error:
-        raise BadMessage("no_json", f"it is no JSON: {error}"[:200]) from error
-    if not isinstance(data, dict):
-        raise BadMessage("no_json", 'a command is an object, such as {"do": "stop", "id": 1}')
-    word = data.get(KEY)
-    if not isinstance(word, str) or word not in words:
-        said = word[:60] if isinstance(word, str) else shown(word)
-        raise BadMessage("unknown_command", f"unknown command {said!r}", did_you_mean(said, words))
-    return read(data, words[word], KEY)
+        data = parse(line, LARGEST)
+        if not isinstance(data, dict):
+            raise CodecError('a command is an object, such as {"do": "stop", "id": 1}')
+    except CodecError as error:
+        raise BadMessage("no_json", str(error)) from error
+    try:
+        return decode_word(data, KEY, words, RULES)
+    except UnknownWordError as error:
+        raise BadMessage("unknown_command", str(error), error.hint) from error
+    except CodecError as error:
+        raise BadMessage("bad_field", str(error), error.hint) from error

@@ -9,8 +9,7 @@ from typing import Final
 
 from drivers.api import Base, Head
 from drivers.clock import Clock
-from missions.control.commands import Drive, Look
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage, Drive, Look
 from missions.control.pilot import MAX_STATE_AGE, Pilot, Push
 
 # Stamps of the states that a run sends, by which it knows how old the state behind a drive command is.

@@ -211,9 +211,7 @@ def plain(value: object) -> object:
         case list() | tuple() | set() | frozenset():
             return _all(value)
         case _ if is_dataclass(value):
-            return {
-                field.metadata.get("recorded", field.name): plain(getattr(value, field.name)) for field in fields(value)
-            }
+            return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
         case _:
             return str(value)
 

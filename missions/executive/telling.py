@@ -120,7 +120,7 @@ def _told(percept: Percept) -> Mapping[str, object]:
         "box": [round(value, 1) for value in (box.x, box.y, box.width, box.height)],
         "stamp": percept.stamp,
         "bearing": round(percept.bearing, 4),
-        "drop": round(percept.elevation, 4),
+        "elevation": round(percept.elevation, 4),
         "yaw": round(percept.yaw, 4),
         "pitch": round(percept.pitch, 4),
         "distance": round(percept.distance, 2) if isfinite(percept.distance) else None,

@@ -75,8 +75,7 @@ def clear(folder: Path) -> int:
     Return how many there were. Raises OSError.
     """
     pictures = files_in(folder)
-    halves = [path for path in folder.glob(f"{NEW}*") if not path.is_dir()]  # of somebody who was added in older days
-    for path in (folder / FEATURES, *pictures, *halves):
+    for path in (folder / FEATURES, *pictures):
         path.unlink(missing_ok=True)
     with suppress(OSError):  # there is something else in it, or it has gone
         folder.rmdir()

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import field
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
 
 from drivers.api.quick import dataclass
+from missions.codec import Bound, Word
 
 Status = Literal["idle", "running", "suspended", "success", "skipped", "failure"]
 """What a node is doing, in the words of events."""
@@ -42,45 +43,51 @@ class Now:
     since: float = 0.0
 
 
+Key = Annotated[str, "Its place in the tree: the root is 1, the root's second child 1.2. Modifiers have a place, too."]
+Line = Annotated[int, "The line of the file on which it stands.", Bound(low=1)]
+StatusNow = Annotated[Status, "What it does at that moment; idle where the tree does not run."]
+Reason = Annotated[str, "Why it failed, or what it waits for; empty where there is nothing to say."]
+
+
 @dataclass(frozen=True, slots=True)
 class Badge:
-    """A modifier, drawn on the node that it modifies: ``kind`` ("timeout"), ``text`` ("5 s"), and how it stands."""
+    """A modifier, drawn on the node that it modifies."""
 
-    key: str
-    kind: str
-    text: str
-    line: int
-    status: Status = "idle"
-    reason: str = ""
+    key: Key
+    kind: Annotated[str, "The word of the modifier, such as timeout."]
+    text: Annotated[str, "Its value, as the file has it."]
+    line: Line
+    status: StatusNow = "idle"
+    reason: Reason = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A node that is no modifier. ``symbol`` is the sign of its kind, ``arguments`` are as the file has them.
+    """A node that is no modifier."""
 
-    ``said`` is what stands behind the word in the file where that is one value: then it is the one argument too.
-    ``badges`` are its modifiers, outermost first. ``mission`` is the name of the mission that a sub-mission runs, empty
-    for all others; ``case`` the value for which a switch chooses it ("else" for the default). ``since`` says when it
-    took on its status, in seconds of the run. ``folded`` counts the nodes that are hidden below it.
-    """
+    derived: ClassVar[Mapping[str, str]] = {"title": "What a person reads first."}
 
-    key: str
-    kind: str
-    name: str
-    symbol: str
-    file: str
-    line: int
-    said: str = ""
-    arguments: Mapping[str, str] = field(default_factory=dict)
-    badges: tuple[Badge, ...] = ()
-    keep_as: str = ""
-    case: str = ""
-    mission: str = ""
-    status: Status = "idle"
-    reason: str = ""
-    since: float | None = None
-    children: tuple["Box", ...] = ()
-    folded: int = 0
+    key: Key
+    kind: Annotated[str, "The word of the behaviour, such as sequence or drive."]
+    name: Annotated[str, "The name that events have; its kind, where the file gives it none."]
+    symbol: Annotated[str, "The sign of its kind."]
+    file: Annotated[str, "The file in which it stands."]
+    line: Line
+    said: Annotated[str, "What stands behind the word, where that is one value: then it is the one argument, too."] = ""
+    arguments: Annotated[
+        Mapping[str, str], "What the file says of its arguments, in the order of the file; defaults are left out."
+    ] = field(default_factory=dict)
+    badges: Annotated[tuple[Badge, ...], Word("modifiers"), "The modifiers beside it, the outermost first."] = ()
+    keep_as: Annotated[str, Word("as"), "The variable that keeps its result, if any."] = ""
+    case: Annotated[
+        str, "The case for which a switch chooses it, `else` for the default; empty where its parent is no switch."
+    ] = ""
+    mission: Annotated[str, "The mission that it runs; empty where it is no sub-mission."] = ""
+    status: StatusNow = "idle"
+    reason: Reason = ""
+    since: Annotated[float | None, "Since when it has had its status: seconds from the start of the run."] = None
+    children: Annotated[tuple["Box", ...], "The nodes below it, in the order of the file."] = ()
+    folded: Annotated[int, "How many nodes below it are left out.", Bound(low=0)] = 0
 
     def walk(self) -> Iterator["Box"]:
         """Yield it and all below it, in the order of the file."""
@@ -115,13 +122,13 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """A whole tree, and what is told of it; ``time`` is the moment of a record that it shows, in seconds."""
+    """A whole tree, and what it is of."""
 
-    mission: str
-    summary: str
-    file: str
-    root: Box
-    time: float | None = None
+    mission: Annotated[str, "The name of the mission."]
+    summary: Annotated[str, "What the mission does, in a line."]
+    file: Annotated[str, "Its file; that of a shipped mission as it lies in the package."]
+    root: Annotated[Box, Word("tree"), "The root."]
+    time: Annotated[float | None, "The moment of a run that the statuses are of: seconds from its start."] = None
 
 
 # What the pictures that are text say of a node: a few short texts, on one line or below each other.

@@ -287,7 +287,7 @@ UNITS = "(units: deg, rad)"
             ["- say: x", "  if: b.mood == 3", "- find_object: red ball", "  as: b"],
             "b.mood",
             "'if': an object has no 'mood'",
-            f"known are: {', '.join(sorted([*Thing.__dataclass_fields__, 'drop']))}",
+            f"known are: {', '.join(sorted(Thing.__dataclass_fields__))}",
         ),
         (["- say: '${q.name}'"], "q.name", "'say': unknown name 'q.name'", NAMES),
         (["- say: '${patienc.x}'"], "patienc.x", "'say': unknown name 'patienc.x'", "did you mean 'patience.x'?"),

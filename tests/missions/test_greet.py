@@ -38,7 +38,7 @@ def aims(events: list[Event], begin: float, end: float) -> list[float]:
     found = [event for event in events if isinstance(event, PerceptSeen) and begin <= event.stamp <= end]
     faces: list[Any] = [event.faces[0] for event in found if event.faces]
     assert len(faces) >= 0.95 * len(found), "the face was lost"
-    return [max(abs(face["bearing"]), abs(face["drop"])) for face in faces]
+    return [max(abs(face["bearing"]), abs(face["elevation"])) for face in faces]
 
 
 @pytest.mark.real_time

@@ -9,10 +9,11 @@ from dataclasses import fields
 from config.units import Quantity
 from missions.language.expressions import ExpressionError, parse
 from missions.plugins.fleet.errands import Ready
-from missions.plugins.fleet.form import MAX_ANSWER, MAX_TEXT_LENGTH
 from missions.plugins.fleet.kept import Kept, KeptTask, after
 from missions.plugins.fleet.roster import Member, Roster
 from missions.plugins.fleet.words import (  # fmt: skip
+    MAX_ANSWER,
+    MAX_TEXT_LENGTH,
     MISSION,
     TASK,
     Accept,

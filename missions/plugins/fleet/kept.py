@@ -4,15 +4,13 @@ One robot keeps a task, from the moment when it was asked for to its end, so tha
 needs no leader. What must not be lost is on the disk before it is answered.
 """
 
-import json
 import sqlite3
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
-from missions.plugins.fleet.words import How, Policy, TaskState
-
-MOST_INTERRUPTIONS = 3
-"""Times that a task may be cut off by the end of its robot; with the last it has failed."""
+from missions.plugins.fleet.words import How, TaskState
+from missions.plugins.tasks.notice import from_row, row_of
+from missions.plugins.tasks.task import Interrupted, Policy, is_due
 
 PAUSE = 5.0
 """Seconds from an attempt that failed to the next."""
@@ -32,7 +30,7 @@ class KeptTask:
     params: Mapping[str, str] = field(default_factory=dict)
     on: str = "any"
     where: str = ""
-    if_interrupted: Policy = "retry"
+    if_interrupted: Interrupted = "retry"
     retries: int = 0
     by: str = ""
     added: float = 0.0
@@ -51,27 +49,27 @@ class KeptTask:
         return self.state in ("FINISHED", "FAILED")
 
     def due(self, now: float) -> bool:
-        """Whether it need not wait any longer; a clock that was set back makes nothing wait for more than a pause."""
-        return not now < self.not_before <= now + PAUSE
+        """Whether it need not wait any longer."""
+        return is_due(self.not_before, now, PAUSE)
 
 
 def after(task: KeptTask, how: How, reason: str, now: float) -> Mapping[str, object]:
-    """Return what changes of a task whose attempt has ended so: the whole of its policy."""
-    free = {"state": "WAITING", "robot": "", "confirmed": False, "reason": reason}
-    failed = {"state": "FAILED", "reason": reason}
+    """Return what changes of a task whose attempt has ended so, by its policy."""
+    counts: dict[str, object] = {}
     match how:
-        case "success":
-            return {"state": "FINISHED", "reason": reason}
-        case "refused":
-            return free
         case "interrupted":
-            count = task.interruptions + 1
-            if task.if_interrupted == "give-up":
-                return {**failed, "reason": f"{reason}; {DOUBT}"}
-            return {**(free if count < MOST_INTERRUPTIONS else failed), "interruptions": count}
+            counts = {"interruptions": task.interruptions + 1}
+        case "failure":
+            counts = {"failures": task.failures + 1, "not_before": now + PAUSE}
+    policy = Policy(task.if_interrupted, retries=task.retries)
+    match policy.verdict(how, task.failures, task.interruptions):
+        case "done":
+            return {"state": "FINISHED", "reason": reason}
+        case "again":
+            return {"state": "WAITING", "robot": "", "confirmed": False, "reason": reason, **counts}
         case _:
-            count = task.failures + 1
-            return {**(free if count <= task.retries else failed), "failures": count, "not_before": now + PAUSE}
+            doubt = f"{reason}; {DOUBT}" if how == "interrupted" and policy.interrupted == "give-up" else reason
+            return {"state": "FAILED", "reason": doubt, **counts}
 
 
 class Kept:
@@ -82,7 +80,7 @@ class Kept:
 
     def add(self, task: KeptTask) -> KeptTask:
         """Keep a task; one that is kept already stays as it is. Return what is kept."""
-        row = asdict(task) | {"params": json.dumps(dict(task.params))}
+        row = row_of(task)
         names, marks = ", ".join(f'"{name}"' for name in row), ", ".join("?" * len(row))
         self._connection.execute(f"INSERT OR IGNORE INTO kept ({names}) VALUES ({marks})", list(row.values()))  # noqa: S608
         return self.get(task.id) or task
@@ -90,26 +88,20 @@ class Kept:
     def get(self, number: str) -> KeptTask | None:
         """Return a task; None for one that is not kept here."""
         row = self._connection.execute("SELECT * FROM kept WHERE id = ?", (number,)).fetchone()
-        return None if row is None else _task(row)
+        return None if row is None else from_row(KeptTask, row)
 
     def tasks(self) -> list[KeptTask]:
         """Return the tasks that are open, the oldest first."""
         sql = "SELECT * FROM kept WHERE state NOT IN ('FINISHED', 'FAILED') ORDER BY rowid"
-        return [_task(row) for row in self._connection.execute(sql)]
+        return [from_row(KeptTask, row) for row in self._connection.execute(sql)]
 
     def newest(self, *, ended: bool, before: str = "") -> Iterator[KeptTask]:
         """Yield the tasks that are open, or that have ended, the newest first; those before the one of an ID."""
         sql = f"""SELECT * FROM kept WHERE state {"" if ended else "NOT"} IN ('FINISHED', 'FAILED')
             AND (? = '' OR rowid < (SELECT rowid FROM kept WHERE id = ?)) ORDER BY rowid DESC"""  # noqa: S608
-        return map(_task, self._connection.execute(sql, (before, before)))
+        return (from_row(KeptTask, row) for row in self._connection.execute(sql, (before, before)))
 
     def change(self, number: str, changes: Mapping[str, object]) -> None:
         """Change a task; one that has ended never changes again, as the database itself says."""
         names = ", ".join(f'"{name}" = ?' for name in changes)
         self._connection.execute(f"UPDATE kept SET {names} WHERE id = ?", [*changes.values(), number])  # noqa: S608
-
-
-def _task(row: sqlite3.Row) -> KeptTask:
-    values = dict(row)
-    values["params"], values["confirmed"] = json.loads(values["params"]), bool(values["confirmed"])
-    return KeptTask(**values)

@@ -1,13 +1,11 @@
 """A fleet's wire: tokens, states and questions over one session of Zenoh. Whatever comes in may be anything."""
 
-import json
 from collections.abc import Callable
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from missions.plugins.fleet.form import MAX_ANSWER, BadMessageError, as_bytes, read
+from missions.codec import CodecError
 from missions.plugins.fleet.roster import Roster
-from missions.plugins.fleet.words import Address, Answer, Ask, address_in, key, read_ask
+from missions.plugins.fleet.words import MAX_ANSWER, Address, Answer, Ask, address_in, as_bytes, key, read, read_ask
 
 if TYPE_CHECKING:
     import zenoh
@@ -89,7 +87,7 @@ class ZenohLine:
             payload = query.payload
             try:
                 ask = read_ask(b"" if payload is None else payload.to_bytes())
-            except BadMessageError as error:
+            except CodecError as error:
                 reply(Answer(ok=False, why=str(error)))
                 return
             on_ask(ask, reply)
@@ -109,7 +107,7 @@ class ZenohLine:
             try:
                 address = address_in(str(reply.ok.key_expr))
                 answer = read(Answer, reply.ok.payload.to_bytes(), MAX_ANSWER)
-            except BadMessageError:
+            except CodecError:
                 return
             on_answer(address, answer)
 
@@ -117,7 +115,7 @@ class ZenohLine:
         self._session.get(
             key(self._fleet, kind, where),
             self._zenoh.handlers.Callback(heard, lambda: on_answer(None, None)),
-            payload=json.dumps({"do": ask.word, **asdict(ask)}, separators=(",", ":")).encode(),
+            payload=as_bytes(ask),
             target=self._zenoh.QueryTarget.ALL,
             consolidation=self._zenoh.ConsolidationMode.NONE,
             timeout=timeout,

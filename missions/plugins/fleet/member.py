@@ -18,11 +18,23 @@ from behaviours.run import log
 from config.reading import parse_object, read_regular_text
 from config.saving import sync_folder
 from drivers.clock import Clock, SystemClock
+from missions.codec import MAX_INTEGER
 from missions.plugins.fleet.body import Body
-from missions.plugins.fleet.form import MAX_INTEGER, MAX_TEXT_LENGTH, as_bytes
 from missions.plugins.fleet.line import Reply, ZenohLine
 from missions.plugins.fleet.roster import Roster
-from missions.plugins.fleet.words import Address, Answer, Ask, Met, MetRobot, Release, RobotState, Stop, TaskState
+from missions.plugins.fleet.words import (
+    MAX_TEXT_LENGTH,
+    Address,
+    Answer,
+    Ask,
+    Met,
+    MetRobot,
+    Release,
+    RobotState,
+    Stop,
+    TaskState,
+    as_bytes,
+)
 
 # The stop of a fleet, kept on the disk: a robot that was stopped is stopped after it was switched on again.
 

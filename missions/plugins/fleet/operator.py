@@ -11,11 +11,12 @@ from typing import Literal, TypeVar
 
 from config.fleet import FleetKeys
 from drivers.clock import Clock, SystemClock
-from missions.plugins.fleet.form import BadMessageError, of
+from missions.codec import CodecError, decode
 from missions.plugins.fleet.line import ZenohLine
 from missions.plugins.fleet.place import check_name, open_session
 from missions.plugins.fleet.roster import Member, Roster
 from missions.plugins.fleet.words import (  # fmt: skip
+    RULES,
     TASK,
     Address,
     Answer,
@@ -87,7 +88,7 @@ class Operator:
         there = [address for address, each in self.members().items() if each.online][:WITNESSES]
         for answer in self._each(there, lambda _: Met(), 1.0).values():
             for met in _read(MetRobot, answer):
-                with suppress(BadMessageError):
+                with suppress(CodecError):
                     self.roster.heard_of(Address.read(met.robot), met.connection)
 
     def missing(self) -> list[str]:
@@ -228,8 +229,8 @@ class Operator:
 def _read(kind: type[T], answer: Answer) -> Iterator[T]:
     """Yield what an answer tells that is exactly of a class; the rest is left out."""
     for told in answer.told:
-        with suppress(BadMessageError):
-            yield of(kind, told)
+        with suppress(CodecError):
+            yield decode(kind, told, RULES)
 
 
 def wait_still(roster: Roster, clock: Clock) -> None:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from threading import Lock
 
 from drivers.clock import Clock
-from missions.plugins.fleet.form import BadMessageError, read
-from missions.plugins.fleet.words import Address, Connection, RobotState, address_in
+from missions.codec import CodecError
+from missions.plugins.fleet.words import Address, Connection, RobotState, address_in, read
 
 MOST_ROBOTS = 4096
 """Robots that are kept in mind; of more, those that have gone are forgotten first, and further ones not let in."""
@@ -61,7 +61,7 @@ class Roster:
         """A robot has come, or has gone."""
         try:
             address = address_in(key)
-        except BadMessageError:
+        except CodecError:
             return
         with self._lock:
             known = self._members.get(address)
@@ -78,7 +78,7 @@ class Roster:
         """A robot tells of itself."""
         try:
             address, state = address_in(key), read(RobotState, data)
-        except BadMessageError:
+        except CodecError:
             return
         with self._lock:
             known = self._members.get(address)

@@ -1,11 +1,13 @@
 """The words of a fleet: names, keys on the wire, what a robot tells of itself, and what may be asked of it."""
 
+import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self, TypeVar
 
-from missions.plugins.fleet.form import BadMessageError, of, parse
+from missions.codec import MAX_INTEGER, CodecError, Rules, decode, decode_word, encode, encode_word, parse
+from missions.plugins.tasks.task import Interrupted
 
 # How long robots of a fleet wait for each other.
 
@@ -25,6 +27,19 @@ class Times:
     refused: float = 2.0
 
 
+T = TypeVar("T")
+
+MAX_BYTES, MAX_ANSWER = 64 * 1024, 1024 * 1024
+"""Bytes of a message, and of an answer, at most."""
+
+MAX_TEXT_LENGTH = 1000
+"""Characters of a text, at most."""
+
+RULES = Rules(
+    max_text=MAX_TEXT_LENGTH, max_members=4096, max_number=MAX_INTEGER, is_text=str.isprintable, text="a printable text"
+)
+"""How messages are written and read. One that is not exactly as declared is refused whole."""
+
 VERSION = 1
 """The version of keys and messages: robots of another one do not see each other."""
 
@@ -43,9 +58,6 @@ Connection = Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]
 TaskState = Literal["WAITING", "INITIALIZING", "RUNNING", "PAUSED", "FINISHED", "FAILED"]
 """As in VDA 5050; the last two are for good."""
 
-Policy = Literal["retry", "give-up"]
-"""What is done about a task of which nobody knows how far it came: `retry` may be done again, `give-up` not."""
-
 How = Literal["", "success", "failure", "interrupted", "refused"]
 """How an attempt ended; `refused` did not begin."""
 
@@ -62,10 +74,10 @@ class Address:
 
     @classmethod
     def read(cls, text: str) -> Self:
-        """Read what ``str`` wrote. Raises BadMessageError."""
+        """Read what ``str`` wrote. Raises CodecError."""
         name, _, number = text.partition("/")
         if not NAME.fullmatch(name) or not re.fullmatch("[0-9a-f]{8}", number):
-            raise BadMessageError(f"no address of a robot: {ascii(text)[:80]}")
+            raise CodecError(f"no address of a robot: {ascii(text)[:80]}")
         return cls(name, number)
 
 
@@ -75,7 +87,7 @@ def key(fleet: str, kind: str, where: str = "*/*") -> str:
 
 
 def address_in(text: str) -> Address:
-    """Return the robot that a key is of. Raises BadMessageError."""
+    """Return the robot that a key is of. Raises CodecError."""
     return Address.read("/".join(text.split("/")[-2:]))
 
 
@@ -148,7 +160,7 @@ class Keep(Ask):
     params: Mapping[str, str] = field(default_factory=dict)
     on: str = "any"
     where: str = ""
-    if_interrupted: Policy = "retry"
+    if_interrupted: Interrupted = "retry"
     retries: int = 0
 
 
@@ -215,7 +227,7 @@ class ToldTask:
     params: Mapping[str, str]
     on: str
     where: str
-    if_interrupted: Policy
+    if_interrupted: Interrupted
     state: TaskState
     robot: str
     attempt: int
@@ -240,9 +252,16 @@ ASKS: Mapping[str, type[Ask]] = {kind.word: kind for kind in (Stop, Release, Met
 
 
 def read_ask(data: bytes) -> Ask:
-    """Return what is asked. Raises BadMessageError."""
-    told = parse(data)
-    word = told.pop("do", None) if isinstance(told, dict) else None
-    if not isinstance(word, str) or word not in ASKS:
-        raise BadMessageError(f"unknown: {ascii(word)[:60]}")
-    return of(ASKS[word], told)
+    """Return what is asked. Raises CodecError."""
+    return decode_word(parse(data, MAX_BYTES), "do", ASKS, RULES)
+
+
+def as_bytes(message: Any) -> bytes:
+    """Return a message as it is sent."""
+    told = encode_word(message, "do", RULES) if isinstance(message, Ask) else encode(message, RULES)
+    return json.dumps(told, separators=(",", ":"), allow_nan=False).encode()
+
+
+def read(kind: type[T], data: bytes, max_bytes: int = MAX_BYTES) -> T:
+    """Return the message of class ``kind`` in ``data``. Raises CodecError."""
+    return decode(kind, parse(data, max_bytes), RULES)

@@ -171,8 +171,8 @@ def _detection(kind: str, told: Any) -> Mapping[str, object]:
     """Return a percept: its class, its box in pixels, and where it is, which is not a number where that is unknown."""
     named = told.get("name") or told.get("colour") or told.get("number", "")
     x, y, width, height = told["box"]
-    bearing, drop, away = told["bearing"], told["drop"], nan if told["distance"] is None else told["distance"]
-    at = {"x": -away * cos(drop) * sin(bearing), "y": away * sin(drop), "z": away * cos(drop) * cos(bearing)}
+    bearing, down, away = told["bearing"], told["elevation"], nan if told["distance"] is None else told["distance"]
+    at = {"x": -away * cos(down) * sin(bearing), "y": away * sin(down), "z": away * cos(down) * cos(bearing)}
     hypothesis = {"class_id": f"{kind}:{named}" if named != "" else kind, "score": 1.0}
     centre = {"position": {"x": x + width / 2, "y": y + height / 2}}
     return {

@@ -4,8 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 
 from config.faults import did_you_mean
-from missions.control.commands import Command
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage, Command
 from missions.plugins.studio.wishes import Failsafe
 from missions.plugins.testing.failsafe.ride import stepped_through
 from missions.plugins.testing.failsafe.settings import CHOICES, ROBOT, Setting

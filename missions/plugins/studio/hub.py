@@ -10,7 +10,7 @@ from typing import Any, Self
 
 from config.reading import parse_object
 from drivers.clock import Clock, SystemClock
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage
 from missions.control.notes import stamp_stop
 from missions.control.searching import Found, Search, may_live, search
 from missions.control.stopping import GONE, stop_one

@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from typing import IO
 
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage
 from missions.control.searching import is_listed
 from missions.plugins.records.ring import SWITCH
 from missions.plugins.studio.wishes import AddTask, Start

@@ -20,8 +20,7 @@ from config.reading import open_regular, parse_object, read_regular_text
 from config.units import UNITS, written
 from config.world import load_world
 from drivers.clock import Clock, SystemClock, time_of_day
-from missions.control.commands import Command
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage, Command
 from missions.language.document import declared_params
 from missions.language.params import Param
 from missions.language.plan import Plan

@@ -13,8 +13,7 @@ from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from drivers.clock import SystemClock
-from missions.control.commands import Command
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage, Command
 from missions.control.outlet import UNWRITTEN
 from missions.executive.events import Ended
 from missions.plugins.records.comparison.runs import IncomparableError, compared

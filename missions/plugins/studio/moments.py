@@ -10,14 +10,13 @@ from missions.control.outlet import MOST_POINTS
 from missions.control.pictures import found_in
 from missions.executive.events import VariableSet
 from missions.executive.telling import percept_of
-from missions.plugins.records.recording.codec import from_json
 from missions.plugins.records.recording.faults import message_in, understanding
+from missions.plugins.records.recording.tagged_values import from_json, view_in
 from missions.plugins.records.replay.frames import SAME
 from missions.plugins.studio.looking_back import Opened, messages, path_of, place_in
 from missions.plugins.studio.wishes import Moment
 from missions.trees.drawing import ACTIVE
 from missions.trees.words import variable_in_words
-from perception.api import View
 
 Json = dict[str, object]
 
@@ -67,7 +66,7 @@ def moment(command: Command) -> Json:
             "t": time,
             "changed": changed,
             "variables": variables,
-            "percept": percept and percept_of(from_json(percept, View), percept["t"]).as_dict(),
+            "percept": percept and percept_of(view_in(percept), percept["t"]).as_dict(),
             "pose": places[0][1:] if places else None,
             "parts": _parts(now),
             "joints": _joints(now),

@@ -8,8 +8,7 @@ from dataclasses import asdict, replace
 from re import search
 
 from config.notices import named
-from missions.control.commands import Command
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage, Command
 from missions.library.folders import state_folder
 from missions.plugins.studio.launch import words_of
 from missions.plugins.studio.library import check_name

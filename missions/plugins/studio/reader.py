@@ -14,8 +14,7 @@ from typing import Any, TypeVar
 from config.editing import NotEditableError
 from config.faults import InvalidFileError
 from config.library import UnknownNameError
-from missions.control.commands import Command
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage, Command
 from missions.library.tuning import keep
 from missions.plugins.records.recording.faults import InvalidRecordError
 from missions.plugins.studio import failsafe, library, looking_back, moments, queueing

@@ -22,7 +22,7 @@ from starlette.websockets import WebSocket
 from uvicorn.config import STARTUP_FAILURE
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage
 from missions.control.reading import MAX_REFUSED_BYTES
 from missions.library.folders import state_folder
 from missions.plugins.records.ring import records_in, shown_folder

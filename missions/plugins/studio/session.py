@@ -8,8 +8,8 @@ from typing import Any
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from drivers.clock import Clock, SystemClock
-from missions.control.commands import KEY, Command, OfRun, Role, Seen, Stop, Watch
-from missions.control.form import BadMessage, written
+from missions.codec import encode_word
+from missions.control.commands import KEY, RULES, BadMessage, Command, OfRun, Role, Seen, Stop, Watch
 from missions.control.messages import Answer, Runs, line_of
 from missions.control.reading import id_in, read_command
 from missions.plugins.studio.access import SignIn
@@ -230,7 +230,7 @@ class Session:
                 link = await self._link(command.run)
                 if link.unread > MOST_UNREAD:
                     raise BadMessage("no_answer", f"run {command.run} does not read what it is sent")
-                members = {name: value for name, value in written(command, KEY).items() if name != "run"}
+                members = {name: value for name, value in encode_word(command, KEY, RULES).items() if name != "run"}
                 link.send({**members, "by": self.name})
             except BadMessage as error:
                 outcome = error.error

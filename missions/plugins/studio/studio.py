@@ -22,9 +22,9 @@ from config.defaults import config_folder
 from config.faults import InvalidFileError
 from config.fleet import FILE, load_fleet
 from config.library import shipped
-from missions.control.commands import KEY, Command, Role, Stop, Tuned, Watch
-from missions.control.form import BadMessage, written
-from missions.control.messages import OLDEST_VERSION, VERSION, Runs, Welcome
+from missions.codec import encode_word
+from missions.control.commands import KEY, RULES, BadMessage, Command, Role, Stop, Tuned, Watch
+from missions.control.messages import VERSION, Runs, Welcome
 from missions.library.people import PeopleError, proper_name
 from missions.plugins.fleet.operator import Operator, operating
 from missions.plugins.fleet.roster import Member
@@ -263,8 +263,7 @@ class Studio:
         self._shown: WeakKeyDictionary[Client, deque[bytes]] = WeakKeyDictionary()  # pictures of somebody
         self._names = 0
         self._presses: deque[str] = deque(maxlen=MOST_PRESSES)
-        # A page that was loaded from an older studio has to stop robots, too.
-        self.versions = {edition(), *map(str, range(OLDEST_VERSION, VERSION + 1))}
+        self.versions = {edition(), str(VERSION)}
 
     def name(self, role: Role) -> str:
         """Return what a new client is called."""
@@ -301,7 +300,7 @@ class Studio:
             return
         if isinstance(command, Stop) and command.press:
             self._presses.append(command.press)
-        told = written(command, KEY).items()
+        told = encode_word(command, KEY, RULES).items()
         about = {name: value for name, value in told if name not in ("id", "by", "press") and value != ""}
         self.audit.tell(by.name, role, about, outcome)
 

@@ -8,8 +8,7 @@ from contextlib import suppress
 from config.reading import parse_object
 from drivers.clock import Clock, SystemClock
 from missions.control.audience import NOTHING, Waiting
-from missions.control.commands import Watch
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage, Watch
 from missions.control.messages import Over, as_json, line_of
 from missions.plugins.studio.link import Link, OnLine
 

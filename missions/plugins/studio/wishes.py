@@ -5,8 +5,8 @@ from dataclasses import field
 from typing import Annotated, ClassVar, Literal
 
 from drivers.api.quick import dataclass
-from missions.control.commands import KEY, Command, Role
-from missions.control.form import Bound, schema
+from missions.codec import Bound, object_schema
+from missions.control.commands import KEY, RULES, Command, Role
 from missions.control.messages import MESSAGES, SAY, VERSION
 from missions.control.reading import RUN_COMMANDS
 from missions.options import options_of
@@ -272,7 +272,12 @@ def protocol() -> dict[str, object]:
             for word in words
         ],
         "$defs": {
-            "commands": schema(COMMANDS.values(), KEY),
-            "messages": schema(MESSAGES.values(), SAY),
+            "commands": _schemas(COMMANDS, KEY),
+            "messages": _schemas(MESSAGES, SAY),
         },
     }
+
+
+def _schemas(kinds: Mapping[str, type[object]], key: str) -> dict[str, object]:
+    """Return the JSON Schemas of messages by their words, which stand under ``key``."""
+    return {word: object_schema(kind, RULES, **{key: {"const": word}}) for word, kind in kinds.items()}

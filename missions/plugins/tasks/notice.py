@@ -2,13 +2,14 @@
 
 import json
 import sqlite3
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, is_dataclass
 from datetime import UTC, datetime
-from typing import Literal
+from typing import Any, Literal, TypeVar, cast, get_origin
 
-from missions.plugins.tasks.task import Attempt, How, NewTask, Policy, State, Task, TaskError
+from config.reading import parse_json
+from missions.codec import Rules, decode, members
+from missions.plugins.tasks.task import How, NewTask, Policy, State, Task, TaskError
 
 # Why a notice was not taken, and what a channel reads of secrets.
 
@@ -51,11 +52,6 @@ class Notice:
 
 Channel = Callable[[Notice], None]
 """Delivers a notice, or raises an exception that says why it could not; then it is tried again."""
-
-
-def notice_of(text: str) -> Notice:
-    """Return the notice that ``as_json`` wrote."""
-    return Notice(**json.loads(text))
 
 
 def ended(task: Task, how: How, state: State, reason: str, now: float) -> Notice:
@@ -106,7 +102,11 @@ class Terminal:
         self._print(f"{notice.time[:19]}  {notice.text}" + ("" if notice.kind != "said" else f"  (task {notice.task})"))
 
 
-# Tasks as the rows of the database that they are kept in.
+# Values as the rows of the database that they are kept in: lists and mappings are JSON, truth is 0 or 1.
+
+T = TypeVar("T")
+
+RULES = Rules()
 
 
 def check_texts(new: NewTask) -> None:
@@ -121,39 +121,33 @@ def check_texts(new: NewTask) -> None:
             ) from error
 
 
-def task_of(row: sqlite3.Row) -> Task:
-    """Return the task that a row is. Raises sqlite3.DatabaseError for one that was not written by us."""
-    values = dict(row)
-    policy = Policy(values.pop("interrupted"), values.pop("most"), values.pop("retries"))
-    with as_written("task", row):
-        values["params"] = dict(json.loads(values["params"]))
-        for name in ("options", "channels"):
-            values[name] = tuple(json.loads(values[name]))
-        for name in ("added", "due", "not_before"):
-            values[name] = float(values[name])
-    for name in ("cancelling", "needs_approval"):
-        values[name] = bool(values[name])
-    return Task(policy=policy, **values)
+def row_of(value: Any) -> dict[str, object]:
+    """Return the columns of a value; those of its policy stand beside the others."""
+    found = asdict(value)
+    found |= found.pop("policy", {})
+    return {name: json.dumps(each) if isinstance(each, tuple | list | dict) else each for name, each in found.items()}
 
 
-def attempt_of(row: sqlite3.Row) -> Attempt:
-    """Return the attempt that a row is. Raises sqlite3.DatabaseError for one that was not written by us."""
-    values = dict(row)
-    with as_written("attempt", row):
-        values["began"] = float(values["began"])
-        values["ended"] = None if values["ended"] is None else float(values["ended"])
-    return Attempt(**values)
-
-
-@contextmanager
-def as_written(what: str, row: sqlite3.Row) -> Iterator[None]:
-    """Raise sqlite3.DatabaseError where a row, which is a ``what``, cannot be read as it was written."""
+def from_row(kind: type[T], row: sqlite3.Row, **more: object) -> T:
+    """Return the value that a row is, with ``more`` members. Raises sqlite3.DatabaseError unless it was written so."""
+    columns, wanted = {**row, **more}, cast("Any", kind)
     try:
-        if any(isinstance(value, bytes) for value in row):
-            raise TypeError("bytes, where a text or a number was")
-        yield
-    except (LookupError, ValueError, TypeError, RecursionError) as error:
-        raise sqlite3.DatabaseError(f"{what} {row['id']} is not as it was written: {error}") from error
+        values = {each.name: _read(each.kind, columns[each.name]) for each in members(wanted) if each.name in columns}
+        if kind is Task:
+            values["policy"] = {each.name: columns[each.name] for each in members(Policy)}
+        return decode(kind, values, RULES)
+    except (LookupError, ValueError, TypeError) as error:
+        name = kind.__name__.lower()
+        raise sqlite3.DatabaseError(f"{name} {row['id']} is not as it was written: {error}") from error
+
+
+def _read(kind: Any, value: Any) -> Any:
+    """Return a column as JSON has it."""
+    if isinstance(value, bytes):
+        raise TypeError("bytes, where a text or a number was")
+    if kind is bool and value in (0, 1):
+        return bool(value)
+    return parse_json(value) if is_dataclass(kind) or get_origin(kind) in (tuple, Mapping) else value
 
 
 def as_new(task: Task) -> NewTask:

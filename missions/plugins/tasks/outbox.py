@@ -3,11 +3,11 @@
 import json
 import sqlite3
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 from config.notices import named
-from missions.plugins.tasks.notice import Notice, as_written, notice_of
+from missions.plugins.tasks.notice import Notice, from_row
 
 WAITING = "delivered IS NULL AND next < 9e999"
 """What is still to be delivered: ``next``, the time from which on it may be tried, is infinite for what is given up."""
@@ -69,7 +69,7 @@ class Outbox:
     def of(self, task: int) -> list[Letter]:
         """Return all notices of a task, in order, for people: their channels are named without secrets."""
         rows = self._connection.execute("SELECT * FROM outbox WHERE task = ? ORDER BY id", (task,))
-        return [_letter(row, named(row["channel"])) for row in rows]
+        return [replace(_letter(row), channel=named(row["channel"])) for row in rows]
 
     def waiting(self) -> int:
         """Return how many notices are still to be delivered."""
@@ -77,16 +77,5 @@ class Outbox:
         return int(count)
 
 
-def _letter(row: sqlite3.Row, channel: str = "") -> Letter:
-    with as_written("notice", row):
-        delivered = row["delivered"]
-        return Letter(
-            row["id"],
-            channel or row["channel"],
-            notice_of(row["body"]),
-            float(row["added"]),
-            int(row["tries"]),
-            None if delivered is None else float(delivered),
-            row["last_error"],
-            row["next"] == inf,
-        )
+def _letter(row: sqlite3.Row) -> Letter:
+    return from_row(Letter, row, notice=row["body"], given_up=row["next"] == inf)

@@ -13,9 +13,9 @@ from datetime import UTC, datetime, tzinfo
 
 from missions.plugins.tasks import notice
 from missions.plugins.tasks.disk import use_what_there_is
-from missions.plugins.tasks.notice import Notice, as_new, attempt_of, check_texts, task_of
+from missions.plugins.tasks.notice import Notice, as_new, check_texts, from_row, row_of
 from missions.plugins.tasks.schema import ORDER
-from missions.plugins.tasks.task import Attempt, Claim, NewTask, Outcome, State, Task, TaskError, next_state, seen_as
+from missions.plugins.tasks.task import Attempt, Claim, How, NewTask, Outcome, State, Task, TaskError, next_state
 from missions.plugins.tasks.times import Every, drawn_in, next_time, read_every
 
 PAUSE = 30.0
@@ -100,17 +100,17 @@ class Queue:
         row = self._execute("SELECT * FROM task WHERE id = ?", number).fetchone()
         if row is None:
             raise TaskError(f"there is no task {number}", hint="mission task list --all")
-        return task_of(row)
+        return from_row(Task, row)
 
     def tasks(self, *, ended: bool = True) -> list[Task]:
         """Return all tasks, in the order in which they are run; those that have ended only where that is asked for."""
         which = "" if ended else " WHERE state IN ('waiting', 'running')"
-        return [task_of(row) for row in self._execute(f"SELECT * FROM task{which} ORDER BY {ORDER}")]  # noqa: S608 - ours
+        return [from_row(Task, row) for row in self._execute(f"SELECT * FROM task{which} ORDER BY {ORDER}")]  # noqa: S608 - ours
 
     def expected(self, task: Task, now: float) -> float:
         """Return when a task comes: a repetition that is too far ahead, since the clock was put back, comes nearer."""
         if task.state == "waiting" and task.due > now and task.every and task.id != task.series:
-            with suppress(ValueError, OverflowError):  # what an earlier version has let in stays where it is
+            with suppress(ValueError, OverflowError):  # what somebody has written into the file stays where it is
                 every = read_every(task.every, task.due, self._zone)
                 return min(task.due, self._free(task, every, drawn_in(every, task.due, now, self._zone), now))
         return task.due
@@ -118,7 +118,7 @@ class Queue:
     def attempts(self, number: int) -> list[Attempt]:
         """Return the attempts at a task, in order."""
         rows = self._execute("SELECT * FROM attempt WHERE task = ? ORDER BY number", number)
-        return [attempt_of(row) for row in rows]
+        return [from_row(Attempt, row) for row in rows]
 
     # --- what the server asks of it -------------------------------------------------------------------------------
 
@@ -182,7 +182,7 @@ class Queue:
         if row is None:
             raise TaskError(f"attempt {attempt} has ended already")
         task = self.task(row["task"])
-        how = seen_as(task, outcome.how)
+        how: How = "cancelled" if outcome.how == "interrupted" and task.cancelling else outcome.how
         sql = "UPDATE attempt SET ended = ?, how = ?, reason = ? WHERE id = ?"
         self._execute(sql, now, how, outcome.reason, attempt)
         sql = "UPDATE task SET failures = failures + ?, interruptions = interruptions + ?, not_before = ? WHERE id = ?"
@@ -199,7 +199,7 @@ class Queue:
             try:
                 every = read_every(task.every, task.since, self._zone)
                 due = self._free(task, every, next_time(every, task.since, now, self._zone), now)
-            except (ValueError, OverflowError) as error:  # what an earlier version has let in
+            except (ValueError, OverflowError) as error:  # what somebody has written into the file
                 reason = f"{reason}{'; ' if reason else ''}it is not repeated: {error}"
             else:
                 self._insert(replace(as_new(task), due=due), task.series, now)
@@ -208,7 +208,8 @@ class Queue:
     def _draw_in(self, now: float) -> None:
         """Bring repetitions nearer that are too far ahead, since the clock was put back."""
         sql = "SELECT * FROM task WHERE state = 'waiting' AND due > ? AND every <> '' AND id <> series"
-        for task in map(task_of, self._execute(sql, now).fetchall()):
+        for row in self._execute(sql, now).fetchall():
+            task = from_row(Task, row)
             if (due := self.expected(task, now)) < task.due:
                 self._execute("UPDATE task SET due = ? WHERE id = ? AND state = 'waiting'", due, task.id)
 
@@ -220,24 +221,7 @@ class Queue:
         return due
 
     def _insert(self, new: NewTask, series: int | None, now: float) -> int:
-        policy = new.policy
-        row = {
-            "mission": new.mission,
-            "params": json.dumps(dict(new.params)),
-            "robot": new.robot,
-            "options": json.dumps(new.options),
-            "added": now,
-            "due": new.due,
-            "priority": new.priority,
-            "needs_approval": new.needs_approval,
-            "late": new.late,
-            "every": new.every,
-            "interrupted": policy.interrupted,
-            "most": policy.most,
-            "retries": policy.retries,
-            "series": series,
-            "channels": json.dumps(new.channels),
-        }
+        row = row_of(new) | {"added": now, "series": series}
         names, marks = ", ".join(row), ", ".join("?" * len(row))
         return self._execute(f"INSERT INTO task ({names}) VALUES ({marks})", *row.values()).lastrowid or 0  # noqa: S608
 
@@ -253,7 +237,7 @@ class Queue:
             f"SELECT * FROM task WHERE state = 'waiting' AND due <= ?1 AND {_READY} AND {may} ORDER BY {ORDER} LIMIT 1"  # noqa: S608 - ours
         )
         row = self._execute(sql, now, PAUSE).fetchone()
-        return None if row is None else task_of(row)
+        return None if row is None else from_row(Task, row)
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:

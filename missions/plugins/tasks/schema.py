@@ -24,7 +24,10 @@ LOG = 64
 SMALLEST = 512
 """Bytes of the smallest database there is."""
 
-FIRST = """
+ORDER = "priority DESC, max(due, added), id"
+"""The order of tasks that are due; one without a time is due when it was added."""
+
+TABLES = """
 CREATE TABLE task (
     id INTEGER PRIMARY KEY AUTOINCREMENT,
     mission TEXT NOT NULL, params TEXT NOT NULL, robot TEXT NOT NULL, options TEXT NOT NULL,
@@ -33,13 +36,16 @@ CREATE TABLE task (
         CHECK (state IN ('waiting', 'running', 'done', 'failed', 'cancelled', 'given_up')),
     reason TEXT NOT NULL DEFAULT '',
     attempts INTEGER NOT NULL DEFAULT 0, failures INTEGER NOT NULL DEFAULT 0,
+    interruptions INTEGER NOT NULL DEFAULT 0,
     interrupted TEXT NOT NULL CHECK (interrupted IN ('retry', 'give-up')),
     most INTEGER NOT NULL, retries INTEGER NOT NULL,
     cancelling INTEGER NOT NULL DEFAULT 0,
     series INTEGER REFERENCES task,
+    priority INTEGER NOT NULL DEFAULT 0, not_before REAL NOT NULL DEFAULT 0, channels TEXT NOT NULL DEFAULT '[]',
+    needs_approval INTEGER NOT NULL DEFAULT 0, approved REAL, approved_by TEXT NOT NULL DEFAULT '',
     UNIQUE (series, due)
 );
-CREATE INDEX waiting ON task (due, id) WHERE state = 'waiting';
+CREATE INDEX waiting ON task (ORDER) WHERE state = 'waiting';
 CREATE UNIQUE INDEX one_runs ON task (state) WHERE state = 'running';
 CREATE TABLE attempt (
     id INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -63,33 +69,9 @@ CREATE INDEX letters ON outbox (task);
 CREATE TRIGGER once BEFORE UPDATE OF state ON task
     WHEN OLD.state IN ('done', 'failed', 'cancelled', 'given_up') AND NEW.state <> OLD.state
     BEGIN SELECT RAISE (ABORT, 'this task has ended already'); END;
-"""
-
-ORDER = "priority DESC, max(due, added), id"
-"""The order of tasks that are due; one without a time is due when it was added."""
-
-SECOND = f"""
-ALTER TABLE task ADD COLUMN priority INTEGER NOT NULL DEFAULT 0;
-ALTER TABLE task ADD COLUMN not_before REAL NOT NULL DEFAULT 0;
-ALTER TABLE task ADD COLUMN interruptions INTEGER NOT NULL DEFAULT 0;
-ALTER TABLE task ADD COLUMN channels TEXT NOT NULL DEFAULT '[]';
-UPDATE task SET interruptions = attempts - failures - (state = 'running') WHERE state IN ('waiting', 'running');
-DROP INDEX waiting;
-CREATE INDEX waiting ON task ({ORDER}) WHERE state = 'waiting';
-"""  # noqa: S608 - ours
-
-THIRD = """
-ALTER TABLE task ADD COLUMN needs_approval INTEGER NOT NULL DEFAULT 0;
-ALTER TABLE task ADD COLUMN approved REAL;
 CREATE TRIGGER approved_first BEFORE UPDATE OF state ON task
     WHEN NEW.state = 'running' AND NEW.needs_approval AND NEW.approved IS NULL
     BEGIN SELECT RAISE (ABORT, 'nobody has approved this task'); END;
-"""
-
-FOURTH = "ALTER TABLE task ADD COLUMN approved_by TEXT NOT NULL DEFAULT '';"
-"""Who approved a task."""
-
-FIFTH = """
 CREATE TABLE errand (
     id TEXT NOT NULL, attempt INTEGER NOT NULL, task INTEGER NOT NULL UNIQUE REFERENCES task,
     again INTEGER NOT NULL, told INTEGER NOT NULL DEFAULT 0,
@@ -114,14 +96,11 @@ CREATE INDEX open_kept ON kept (id) WHERE state NOT IN ('FINISHED', 'FAILED');
 CREATE TRIGGER kept_once BEFORE UPDATE OF state ON kept
     WHEN OLD.state IN ('FINISHED', 'FAILED') AND NEW.state <> OLD.state
     BEGIN SELECT RAISE (ABORT, 'this task has ended already'); END;
-"""
-"""What a robot does for its fleet, by the IDs of its tasks, and what it keeps for it."""
+""".replace("(ORDER)", f"({ORDER})")
+"""The tables: the queue, and what a robot does and keeps for its fleet, by the IDs of the fleet's tasks."""
 
-STEPS = (FIRST, SECOND, THIRD, FOURTH, FIFTH)
-"""What makes the tables, and each version of those of the version before: a file of any earlier one is brought up."""
-
-VERSION = len(STEPS)
-"""The version of the tables, as the file has it in ``user_version``."""
+VERSION = 5
+"""The version of the tables, as the file has it in ``user_version``; a file of any other is refused."""
 
 
 def queue_file(folder: Path) -> Path:
@@ -134,7 +113,7 @@ def open_db(path: Path, *, any_thread: bool = False) -> sqlite3.Connection:
 
     With ``any_thread`` another may have it; one at a time.
 
-    Raises TaskError for a folder that cannot hold it, and a file that is another, damaged, emptied, or of a newer
+    Raises TaskError for a folder that cannot hold it, and a file that is another, damaged, emptied, or of another
     version.
     """
     try:
@@ -206,13 +185,13 @@ def _damaged(path: Path, why: str) -> TaskError:
 
 
 def prepare(connection: sqlite3.Connection, path: Path, *, new: bool = False) -> None:
-    """Set a connection up, and make the tables of a ``new`` file, or bring them up.
+    """Set a connection up, and make the tables of a ``new`` file.
 
     Raises TaskError, or an error of sqlite3.
     """
     connection.row_factory = sqlite3.Row
-    if not new and not (_version(connection, path) and _has_tables(connection)):  # before anything of it is changed
-        raise _damaged(path, "it has no tables of a queue")
+    if not new:
+        _check_version(connection, path)  # before anything of it is changed
     (journal,) = connection.execute("PRAGMA journal_mode = WAL").fetchone()
     if journal != "wal":
         raise TaskError(
@@ -225,14 +204,8 @@ def prepare(connection: sqlite3.Connection, path: Path, *, new: bool = False) ->
     faults = [str(fault) for (fault,) in connection.execute("PRAGMA quick_check (1)")]
     if faults != ["ok"]:
         raise _damaged(path, faults[0])
-    if _version(connection, path) < VERSION:
-        # Another program may be at the same: whoever comes second finds it done.
-        connection.execute("BEGIN IMMEDIATE")
-        for step in STEPS[_version(connection, path) :]:
-            for statement in _statements(step):
-                connection.execute(statement)
-        connection.execute(f"PRAGMA user_version = {VERSION}")
-        connection.execute("COMMIT")
+    if new:
+        connection.executescript(f"BEGIN; {TABLES} PRAGMA user_version = {VERSION}; COMMIT;")
 
 
 def _has_tables(connection: sqlite3.Connection) -> bool:
@@ -240,22 +213,17 @@ def _has_tables(connection: sqlite3.Connection) -> bool:
     return bool(connection.execute(sql).fetchone()[0] == 3)
 
 
-def _version(connection: sqlite3.Connection, path: Path) -> int:
+def _check_version(connection: sqlite3.Connection, path: Path) -> None:
     (version,) = connection.execute("PRAGMA user_version").fetchone()
     if version > VERSION:
         raise TaskError(
             f"{path}: is of version {version}, made by a newer MissionTree; this one knows version {VERSION}",
             hint="pip install --upgrade missiontree",
         )
-    return int(version)
-
-
-def _statements(script: str) -> list[str]:
-    """Cut a script into its statements: ``executescript`` would end the transaction."""
-    found, begun = [], ""
-    for line in script.splitlines(keepends=True):
-        begun += line
-        if sqlite3.complete_statement(begun):
-            found.append(begun)
-            begun = ""
-    return found
+    if 0 < version < VERSION:
+        raise TaskError(
+            f"{path}: is of version {version}, made by an older MissionTree; this one knows version {VERSION}",
+            hint=f"mv {path} {path}.old  (a new queue begins)",
+        )
+    if not version or not _has_tables(connection):
+        raise _damaged(path, "it has no tables of a queue")

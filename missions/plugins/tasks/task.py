@@ -1,4 +1,4 @@
-"""What a task is, and what becomes of it once an attempt at it has ended: values, and the one rule, without a queue."""
+"""Tasks, and the policy that decides what becomes of one once an attempt at it has ended: values, without a queue."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,6 +13,9 @@ How = Literal["success", "failure", "error", "interrupted", "cancelled"]
 
 Interrupted = Literal["retry", "give-up"]
 """What to do about a task that was interrupted, of which nobody knows how far it came."""
+
+Verdict = Literal["done", "again", "failed", "given_up"]
+"""What follows from the end of an attempt; ``given_up`` was interrupted too often, or must not be done twice."""
 
 PRIORITIES = (-100, 100)
 """The lowest and the highest priority; 0 is that of a task of which nobody says any."""
@@ -40,6 +43,26 @@ class Policy:
     interrupted: Interrupted = "retry"
     most: int = DEFAULT_INTERRUPTIONS
     retries: int = 0
+
+    def verdict(self, how: str, failures: int, interruptions: int) -> Verdict:
+        """Return what follows from an attempt that ended, after so many that failed or were interrupted before.
+
+        It is the one rule for tasks of a robot's queue and for those of a fleet.
+        """
+        match how:
+            case "success":
+                return "done"
+            case "refused":
+                return "again"
+            case "interrupted":
+                return "again" if self.interrupted == "retry" and interruptions + 1 < self.most else "given_up"
+            case _:
+                return "again" if failures < self.retries else "failed"
+
+
+def is_due(not_before: float, now: float, pause: float) -> bool:
+    """Return whether the pause before the next attempt is over; a clock that was set back prolongs no pause."""
+    return not now < not_before <= now + pause
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,25 +169,12 @@ class Outcome:
     stopped: bool = False
 
 
-def seen_as(task: Task, how: How) -> How:
-    """Return how an attempt at a running task ended: what was interrupted because somebody wanted that is cancelled."""
-    return "cancelled" if how == "interrupted" and task.cancelling else how
-
-
 def next_state(task: Task, how: How, *, stopped: bool = False) -> State:
-    """Return what a running task becomes when the present attempt ends: this is the whole of its policy.
+    """Return what a running task becomes when the present attempt ends.
 
     An interruption by somebody who has ``stopped`` the server does not count towards the most that there may be.
     """
-    policy, interruptions = task.policy, task.interruptions + (not stopped)
-    match how:
-        case "success":
-            return "done"
-        case "cancelled":
-            return "cancelled"
-        case "interrupted":
-            again = policy.interrupted == "retry" and interruptions < policy.most
-            return "waiting" if again else "given_up"
-        case _:
-            again = task.failures < policy.retries and not task.cancelling
-            return "waiting" if again else "failed"
+    if how == "cancelled" or (how != "success" and task.cancelling):
+        return "cancelled" if how in ("cancelled", "interrupted") else "failed"
+    verdict = task.policy.verdict(how, task.failures, task.interruptions - stopped)
+    return "waiting" if verdict == "again" else verdict

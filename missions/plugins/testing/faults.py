@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage
 from missions.plugins.testing.history import History
 from missions.plugins.testing.live import examples, read_live
 from missions.plugins.testing.mishaps import Mishap

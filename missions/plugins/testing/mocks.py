@@ -18,9 +18,7 @@ from perception.api import Box, Face
 ANY = frozenset("*?")
 """The signs of a pattern."""
 
-_OF_FACE = [field for field in fields(Face) if field.name not in {"box", "stamp"}]
-_FIELDS = {field.metadata.get("recorded", field.name): field.name for field in _OF_FACE}
-RESULT_OF_FACE = tuple(_FIELDS | {field.name: "" for field in _OF_FACE})
+RESULT_OF_FACE = tuple(field.name for field in fields(Face) if field.name not in {"box", "stamp"})
 """What a test file can say of a face that a mock keeps; the rest is made up."""
 
 
@@ -147,6 +145,6 @@ def _result(mock: Mock, leaf: Leaf, told: Mapping[str, object] | str | None) -> 
 
 def _face(mock: Mock, told: Mapping[str, object]) -> Face:
     """Return a face seen now, of which this is known; the rest is made up."""
-    made_up = {**dict.fromkeys(_FIELDS.values(), 0.0), "id": 1, "distance": 1.5, "name": ""}
-    values: dict[str, Any] = {**made_up, **{_FIELDS.get(name, name): value for name, value in told.items()}}
+    made_up = {**dict.fromkeys(RESULT_OF_FACE, 0.0), "id": 1, "distance": 1.5, "name": ""}
+    values: dict[str, Any] = {**made_up, **told}
     return Face(stamp=mock.run.now(), box=Box(300.0, 220.0, 40.0, 40.0), **values)

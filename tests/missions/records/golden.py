@@ -20,7 +20,7 @@ from config.reading import files_read
 from drivers.clock import time_of_day
 from missions.library.drivers import load_robot
 from missions.plugins.records.recording.gather import contents_of
-from missions.plugins.records.recording.read import Record, open_record
+from missions.plugins.records.recording.read import InvalidRecordError, Record, open_record
 from missions.plugins.records.recording.recorder import Recorder
 from missions.plugins.records.replay.rerun import rerun
 from missions.plugins.records.replay.sources import Sources
@@ -88,7 +88,10 @@ def main() -> None:
     FOLDER.mkdir(exist_ok=True)
     for name in MISSIONS:
         path = FOLDER / f"{name}.mcap"
-        other = decided_again(path) if path.exists() else ["new"]
+        try:
+            other = decided_again(path) if path.exists() else ["new"]
+        except InvalidRecordError as error:  # of another format
+            other = [str(error).partition("\n")[0].removeprefix(f"{path}: ")]
         if not other:
             continue
         path.unlink(missing_ok=True)

@@ -7,11 +7,10 @@ import pytest
 
 from config.fleet import FleetKeys
 from drivers.clock import ManualClock
-from missions.plugins.fleet.form import as_bytes
 from missions.plugins.fleet.line import OnAnswer, ZenohLine
 from missions.plugins.fleet.operator import ENDED_PAGES, LONGEST, Operator
 from missions.plugins.fleet.roster import Roster
-from missions.plugins.fleet.words import Address, Answer, Ask, RobotState, Tasks, ToldTask, key
+from missions.plugins.fleet.words import Address, Answer, Ask, RobotState, Tasks, ToldTask, as_bytes, key
 
 ANNA, ANNA_TOO, BOB = (Address(name, f"0000000{each}") for name, each in (("anna", "a"), ("anna", "c"), ("bob", "b")))
 STATE = RobotState(session="1", number=0, robot="note", stops=1)

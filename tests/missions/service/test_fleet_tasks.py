@@ -9,13 +9,15 @@ from typing import Any
 import pytest
 
 from drivers.clock import ManualClock
+from missions.codec import decode
 from missions.plugins.fleet.body import Telemetry
 from missions.plugins.fleet.errands import ErrandQueue, Errands
-from missions.plugins.fleet.form import MAX_ANSWER, as_bytes, of, read
 from missions.plugins.fleet.keeper import ALSO, LOST, Keeper, fits
 from missions.plugins.fleet.kept import DOUBT, Kept, KeptTask
 from missions.plugins.fleet.roster import Roster
 from missions.plugins.fleet.words import (
+    MAX_ANSWER,
+    RULES,
     Accept,
     Address,
     Answer,
@@ -27,7 +29,9 @@ from missions.plugins.fleet.words import (
     Tasks,
     Times,
     ToldTask,
+    as_bytes,
     key,
+    read,
 )
 from missions.plugins.tasks.schema import open_db, queue_file
 from missions.plugins.tasks.task import Claim, Outcome
@@ -452,9 +456,8 @@ def test_of_many_tasks_an_answer_tells_as_many_as_it_holds_and_the_next_goes_on_
         while True:
             answer = fleet.keeper.asked(Tasks(ended=ended, before=before))
             assert answer is not None
-            page = [
-                each.id for each in (of(ToldTask, told) for told in read(Answer, as_bytes(answer), MAX_ANSWER).told)
-            ]
+            told = read(Answer, as_bytes(answer), MAX_ANSWER).told
+            page = [decode(ToldTask, each, RULES).id for each in told]
             if not page:
                 break
             pages.append(page)

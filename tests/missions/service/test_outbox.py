@@ -1,5 +1,6 @@
 """Notices wait until they are delivered, in order, and a channel that is away holds up nobody else."""
 
+import json
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
@@ -12,7 +13,7 @@ from config.notices import CommandNotice, TerminalNotice, WebhookNotice, written
 from drivers.clock import ManualClock
 from missions.plugins.tasks.channels import channels_of
 from missions.plugins.tasks.courier import LONG, MAX_DELAY, STUBBORN, TIRED, Courier, Turns, delay
-from missions.plugins.tasks.notice import Channel, Notice, notice_of
+from missions.plugins.tasks.notice import Channel, Notice
 from missions.plugins.tasks.notices import channel_of
 from missions.plugins.tasks.outbox import Outbox
 from missions.plugins.tasks.queue import Queue
@@ -97,7 +98,7 @@ def test_a_notice_says_the_same_each_time_that_it_is_sent(queue: Shop) -> None:
     number = queue.add(new())
     queue.attempt("failure", "naïve “reasons”\n…")
     (letter, _) = queue.outbox.of(number)
-    assert notice_of(letter.notice.as_json()) == letter.notice
+    assert Notice(**json.loads(letter.notice.as_json())) == letter.notice
     assert letter.notice.time == "2026-11-21T11:00:01+00:00"
 
 

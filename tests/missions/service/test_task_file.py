@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from missions.plugins.tasks.lock import Taken, is_locked, locked
-from missions.plugins.tasks.schema import STEPS, VERSION, in_words, open_db, prepare
-from missions.plugins.tasks.task import Policy, TaskError
+from missions.plugins.tasks.schema import VERSION, in_words, open_db, prepare
+from missions.plugins.tasks.task import TaskError
 from tests.missions.service.small_queue import new, shop
 
 ROOT = Path(__file__).parents[3]
@@ -43,13 +43,24 @@ def test_a_file_that_others_could_read_is_shut(tmp_path: Path) -> None:
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
 
 
-def test_a_newer_queue_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("version", "words", "hint"),
+    [
+        (VERSION + 1, "a newer", "pip install --upgrade missiontree"),
+        *((version, "an older", "mv ") for version in range(1, VERSION)),
+    ],
+)
+def test_a_queue_of_another_version_is_refused_and_left_as_it_is(
+    tmp_path: Path, version: int, words: str, hint: str
+) -> None:
     path = tmp_path / "tasks.db"
     with closing(open_db(path)) as connection:
-        connection.execute(f"PRAGMA user_version = {VERSION + 1}")
-    with pytest.raises(TaskError, match=f"is of version {VERSION + 1}, made by a newer MissionTree") as raised:
+        connection.execute(f"PRAGMA user_version = {version}")
+    before = path.read_bytes()
+    with pytest.raises(TaskError, match=f"is of version {version}, made by {words} MissionTree") as raised:
         open_db(path)
-    assert raised.value.hint == "pip install --upgrade missiontree"
+    assert raised.value.hint.startswith(hint)
+    assert path.read_bytes() == before
 
 
 def test_a_file_that_is_no_queue_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
@@ -148,10 +159,10 @@ def test_bytes_where_a_text_or_a_number_was_are_damage(tmp_path: Path, column: s
     [
         ("attempt", "began", "attempt 1"),
         ("attempt", "ended", "attempt 1"),
-        ("outbox", "added", "notice 1"),
-        ("outbox", "tries", "notice 1"),
-        ("outbox", "delivered", "notice 1"),
-        ("outbox", "body", "notice 1"),
+        ("outbox", "added", "letter 1"),
+        ("outbox", "tries", "letter 1"),
+        ("outbox", "delivered", "letter 1"),
+        ("outbox", "body", "letter 1"),
     ],
 )
 def test_attempts_and_notices_that_are_not_as_they_were_written_are_damage(
@@ -179,23 +190,6 @@ def test_what_breaks_while_it_is_used_is_told_in_words_but_for_faults_of_our_own
         raise sqlite3.OperationalError("disk I/O error")
     with pytest.raises(sqlite3.IntegrityError), in_words(path):
         raise sqlite3.IntegrityError("UNIQUE constraint failed")
-
-
-def test_a_queue_of_the_first_version_is_brought_up_with_all_that_is_in_it(tmp_path: Path) -> None:
-    path = tmp_path / "tasks.db"
-    with closing(sqlite3.connect(path, isolation_level=None)) as old:
-        old.executescript(STEPS[0])
-        old.execute("PRAGMA user_version = 1")
-        sql = "INSERT INTO task (mission, params, robot, options, added, due, every, interrupted, most, retries, {0}) "
-        sql += "VALUES ('greet', '{{}}', '', '[]', 1.0, 2.0, '', 'retry', 3, 1, {1})"
-        old.execute(sql.format("attempts, failures", "3, 1"))
-        old.execute(sql.format("attempts, state", "2, 'running'"))
-    with shop(path) as opened:
-        waiting, running = opened.queue.tasks()
-        assert (waiting.state, waiting.interruptions, waiting.priority, waiting.channels) == ("waiting", 2, 0, ())
-        assert (running.state, running.interruptions, running.not_before) == ("running", 1, 0.0)
-        assert waiting.policy == Policy("retry", 3, 1)
-        assert opened.connection.execute("PRAGMA user_version").fetchone()[0] == VERSION
 
 
 def test_a_folder_that_cannot_be_made_says_what_to_try(tmp_path: Path) -> None:

@@ -18,8 +18,7 @@ from drivers.base.twin import BaseTwin
 from drivers.clock import SystemClock
 from drivers.sim.timeline import Timeline
 from missions.control.audience import MOVING
-from missions.control.commands import Drive
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage, Drive
 from missions.control.pilot import MAX_STATE_AGE
 from missions.control.wheels import Wheels
 from tests.missions.studio.lossy import lossy

@@ -13,8 +13,7 @@ from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import Pinhole, Viewpoint
 from drivers.sim.world import World
-from missions.control.commands import Command
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage, Command
 from missions.library.folders import state_folder
 from missions.plugins.studio.access import Access
 from missions.plugins.studio.audit import Audit

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from missions.control import sockets
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage
 from missions.executive.events import Event, FaultRaised
 from missions.plugins.testing.faults import Faults
 from missions.plugins.testing.stage import IN_PROCESS

@@ -11,8 +11,7 @@ import pytest
 
 from config.defaults import config_folder
 from config.fleet import FleetKeys
-from missions.control.commands import Command
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage, Command
 from missions.plugins.studio import studio as fleet
 from missions.plugins.studio.studio import FleetDesk
 from missions.plugins.studio.wishes import Fleet, ReleaseFleet, StopFleet

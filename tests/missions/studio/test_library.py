@@ -9,7 +9,7 @@ from threading import Event
 import pytest
 
 from config.defaults import config_folder
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage
 from missions.library.folders import checkup_file
 from missions.plugins.studio import library
 from missions.plugins.studio.library import TimeLimitError, load_with_own

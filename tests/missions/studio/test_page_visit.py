@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage
 from missions.executive.events import NodeChanged
 from missions.library.folders import checkup_file, state_folder
 from missions.plugins.records.ring import records_folder

@@ -6,8 +6,8 @@ from typing import Any
 import jsonschema
 import pytest
 
-from missions.control.commands import LARGEST, Drive
-from missions.control.form import BadMessage, members, written
+from missions.codec import encode_word, members
+from missions.control.commands import LARGEST, RULES, BadMessage, Drive
 from missions.control.messages import ERRORS, MESSAGES, Answer, Over, line_of
 from missions.control.reading import id_in, read_command
 from missions.plugins.studio.wishes import COMMANDS, Start, protocol
@@ -36,7 +36,7 @@ def test_a_command_is_read_with_its_defaults() -> None:
 
 def test_a_command_comes_back_as_it_was_written() -> None:
     start = Start(id=4, mission="greet", params={"patience": "5 s"}, sure=True)
-    assert read_command(json.dumps(written(start, "do")), words=COMMANDS) == start
+    assert read_command(json.dumps(encode_word(start, "do", RULES)), words=COMMANDS) == start
 
 
 @each(

@@ -17,8 +17,7 @@ from starlette.websockets import WebSocketDisconnect
 
 from drivers.clock import ManualClock
 from missions.control import sockets
-from missions.control.commands import Stop
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage, Stop
 from missions.control.messages import Runs
 from missions.plugins.studio.access import Access
 from missions.plugins.studio.audit import Audit

@@ -214,14 +214,3 @@ def test_a_stop_waits_for_no_client_that_reads_nothing(served: Served, tmp_path:
         for number in (1, 2, 3):
             assert operator.ask("stop")["result"]["stopped"][run]["parts"] == ["base"]
             assert operator.ask("release", run=run, stop=number)["ok"]
-
-
-def test_a_page_of_the_version_before_still_stops_and_does_not_drive(served: Served, tmp_path: Path) -> None:
-    with simulated_run(tmp_path) as process, served.client(served.operator, hello=False) as client:
-        run = str(process.process.pid)
-        client.send(do="hello", version="1")
-        client.hear_of(run)
-        assert client.ask("take", run=run)["ok"]
-        client.send(do="drive", run=run, n=1, t=0.0, ahead=1.0, left=0.0)
-        assert client.hear(lambda told: told["say"] == "answer")["error"] == "bad_field"
-        assert client.ask("stop", run=run)["result"]["stopped"][run]["parts"] == ["base"]

@@ -14,8 +14,8 @@ from config.library import find
 from drivers.api import STILL, BaseLimits, BaseState, Curbed, HeadPose, JointLimits, Pose2D, Velocity
 from drivers.errors import BadRequest
 from missions.control import sockets
+from missions.control.commands import BadMessage
 from missions.control.doing import Tuning
-from missions.control.form import BadMessage
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.browser import Browser

@@ -9,8 +9,7 @@ import pytest
 
 from drivers.api import STILL, HeadPose, Source, Velocity
 from drivers.clock import ManualClock
-from missions.control.commands import Drive, Look
-from missions.control.form import BadMessage
+from missions.control.commands import BadMessage, Drive, Look
 from missions.control.pilot import MAX_STATE_AGE
 from missions.control.wheels import KEPT_TIME, Wheels
 from missions.plugins.testing.recorders import STOP, RecordedBase, RecordedHead

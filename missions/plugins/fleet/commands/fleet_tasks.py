@@ -21,8 +21,8 @@ from missions.cli.root import FAILURE, SUCCESS
 from missions.language.expressions import ExpressionError, parse
 from missions.library.shipped import load_mission
 from missions.plugins.fleet.operator import Operator, operating
-from missions.plugins.fleet.words import MISSION, TASK, Address, Keep, Policy, ToldTask
-from missions.plugins.tasks.task import TaskError
+from missions.plugins.fleet.words import MISSION, TASK, Address, Keep, ToldTask
+from missions.plugins.tasks.task import Interrupted, TaskError
 
 # Being at a fleet for a command of a terminal.
 
@@ -71,7 +71,7 @@ def run(
     name: str | None,
     on: str,
     where: str,
-    interrupted: Policy | None,
+    interrupted: Interrupted | None,
     retry: int,
     number: str | None,
 ) -> int:
@@ -117,7 +117,7 @@ def _check(mission: str, where: str, on: str, number: str | None) -> None:
         raise click.UsageError(f"--where: '{min(unknown)}' is not known of a robot; known: {', '.join(sorted(READ))}")
 
 
-def _policy(mission: str) -> Policy:
+def _policy(mission: str) -> Interrupted:
     """Return what a mission says of its interruption, where it is in the library of this computer too."""
     try:
         said = load_mission(mission, leaves=LEAVES).if_interrupted

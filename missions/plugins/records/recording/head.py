@@ -8,8 +8,8 @@ from dataclasses import field
 
 from drivers.api.quick import dataclass
 
-FORMAT = 1
-"""How records are laid out; a reader refuses higher numbers."""
+FORMAT = 2
+"""Layout of records; a reader refuses any other number."""
 
 METADATA = "missiontree"
 """The name of the metadata that say what has made a record: versions, seed, format."""

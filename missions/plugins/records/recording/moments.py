@@ -8,9 +8,10 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, get_args
 
+from missions.codec import number
 from missions.executive.tick_record import Answer, Kind, TickRecord
-from missions.plugins.records.recording.codec import dumps, from_json, number, tagged, untagged
 from missions.plugins.records.recording.faults import seconds
+from missions.plugins.records.recording.tagged_values import dumps, from_json, tagged, untagged
 
 KINDS = frozenset(get_args(Kind))
 """What moments there are."""

@@ -15,7 +15,6 @@ from config.library import kinds_of, wrong_kind
 from missions.executive import events
 from missions.executive.events import Ended, Event, Logged, NodeChanged, Ticked
 from missions.executive.tick_record import TickRecord
-from missions.plugins.records.recording.codec import from_json
 from missions.plugins.records.recording.faults import (
     MAX_TIME,
     InvalidRecordError,
@@ -27,6 +26,7 @@ from missions.plugins.records.recording.faults import (
 from missions.plugins.records.recording.head import FORMAT, LIMIT, METADATA, TREE, Head
 from missions.plugins.records.recording.items import EVENTS, Feedback
 from missions.plugins.records.recording.moments import Restored
+from missions.plugins.records.recording.tagged_values import from_json, view_in
 from missions.trees.drawing import ACTIVE, Drawing
 from missions.trees.states import TIME_TOLERANCE
 from missions.trees.tree_json import from_json as drawing_from_json
@@ -44,7 +44,7 @@ PROFILE = "missiontree"
 FIRST_YEAR, LAST_YEAR = 1970, 2200
 """Between these every clock of a robot is."""
 
-NEWEST = f"was written by a newer MissionTree; this one reads format {FORMAT}\n  try: pip install --upgrade missiontree"
+OTHER_FORMAT = f"is a record of format {{}}; this MissionTree reads format {FORMAT} alone"
 
 
 def no_mcap(path: Path) -> InvalidRecordError:
@@ -65,15 +65,16 @@ def no_mcap(path: Path) -> InvalidRecordError:
 
 
 def head_in(container: "Container", tables: Mapping[str, Mapping[str, str]]) -> Head:
-    """Return what a record says of itself. Raises InvalidRecordError where it is none of ours, or too new."""
+    """Return what a record says of itself. Raises InvalidRecordError where it is none of ours, or of another format."""
     path, header = container.path, container.header()
     if METADATA not in tables and (header is None or header.profile != PROFILE):
         raise _foreign(container)
     data = next((message.data for message in container.messages(frozenset({"/mission"}))), None)
     with understanding(path):
         written = {"format": int(tables.get(METADATA, {}).get("format", FORMAT))} if data is None else strict_json(data)
-        if written["format"] > FORMAT:
-            raise InvalidRecordError(f"{path}: {NEWEST}")
+        if (found := int(written["format"])) != FORMAT:
+            again = "pip install --upgrade missiontree" if found > FORMAT else "record the mission anew"
+            raise InvalidRecordError(f"{path}: {OTHER_FORMAT.format(found)}\n  try: {again}")
         if data is None:
             raise InvalidRecordError(f"{path}: its beginning is missing or damaged, so that none of it can be read")
         return _sound(from_json(written, Head))
@@ -242,7 +243,7 @@ class Record:
 
     def views(self) -> Iterator[tuple[float, View]]:
         """Yield what perception found, and when it said so."""
-        return self.read(lambda _, data: (data["t"], from_json(data, View)), "/percepts")
+        return self.read(lambda _, data: (data["t"], view_in(data)), "/percepts")
 
     def frames(self) -> Iterator[tuple[float, bytes]]:
         """Yield when each picture was taken, and the picture as JPEG."""

@@ -17,14 +17,15 @@ from mcap.writer import Writer
 
 from drivers.api import COMMAND_LIFE, STILL, BaseState, HeadPose, JointState, RangeScan, Reading, Velocity
 from drivers.api.joints import joint_called
+from missions.codec import number
 from missions.executive.tick_record import TickRecord
 from missions.plugins.records.recording import foxglove
-from missions.plugins.records.recording.codec import dumps, number, tagged, to_json
 from missions.plugins.records.recording.foxglove import Epoch, Json
 from missions.plugins.records.recording.head import FILES, LIMIT, METADATA, TREE, Contents, Head
 from missions.plugins.records.recording.items import EVENTS, Checked, Feedback, Missed, Other, Picture, Seen, topic_of
 from missions.plugins.records.recording.moments import Shortened
 from missions.plugins.records.recording.schemas import schema
+from missions.plugins.records.recording.tagged_values import dumps, tagged, to_json
 from perception.api import Gaze, View
 
 # The state of the robot over time, to plot and to look at, from what its parts have answered.

@@ -8,9 +8,9 @@ import numpy as np
 
 from missions.executive.events import NodeChanged
 from missions.executive.tick_record import Answer, TickRecord
-from missions.plugins.records.recording.codec import from_json
 from missions.plugins.records.recording.faults import MAX_TIME, message_in, seconds, understanding
 from missions.plugins.records.recording.read import Record
+from missions.plugins.records.recording.tagged_values import from_json
 from missions.plugins.records.statistics.figures import Kind, Stats, Times, WireFigures
 from missions.plugins.records.statistics.nodes import figures_of
 
@@ -78,7 +78,7 @@ def _messages(record: Record) -> tuple[list[tuple[float, float, float]], list[Ma
                 counters = {name: device["counters"] for name, device in data["devices"].items()}
                 devices.append(from_json(counters, _COUNTERS))
             elif data["looked"] is not None:
-                seen.append((data["t"], seconds(data["looked"]), seconds(data.get("spent", 0.0))))
+                seen.append((data["t"], seconds(data["looked"]), seconds(data["spent"])))
     return seen, devices
 
 

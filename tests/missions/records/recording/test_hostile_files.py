@@ -19,10 +19,10 @@ from mcap.records import Chunk
 from mcap.writer import CompressionType, Writer
 
 from missions.plugins.records.recording import container, read, survey
-from missions.plugins.records.recording.codec import to_json
 from missions.plugins.records.recording.container import HEAD as RECORD_HEAD
 from missions.plugins.records.recording.export import to_csv
 from missions.plugins.records.recording.read import InvalidRecordError, open_record
+from missions.plugins.records.recording.tagged_values import to_json
 from missions.trees.tree_json import to_json as drawing_to_json
 from tests.missions.records.recording.small_record import HEAD, TREE
 from tests.missions.records.recording.small_record import items as small_items
@@ -36,7 +36,7 @@ def about(**other: object) -> Told:
     """Return the first message of a record, with something else in it."""
     written = to_json(HEAD)
     assert isinstance(written, dict)
-    return "/mission", {"t": 0.0, **written, **other}
+    return "/mission", {**written, **other}
 
 
 def write(

@@ -8,6 +8,7 @@ import pytest
 from mcap.writer import Writer
 
 from missions.executive.events import CommandSent, Ended, NodeChanged, Ticked
+from missions.plugins.records.recording.head import FORMAT
 from missions.plugins.records.recording.info import lines_about
 from missions.plugins.records.recording.read import SERIES, InvalidRecordError, Record, open_record
 from perception.api import View
@@ -132,7 +133,11 @@ def foreign(path: Path) -> Path:
 
 
 def newer(path: Path) -> Path:
-    return write(path, items(), head=replace(HEAD, format=2))
+    return write(path, items(), head=replace(HEAD, format=FORMAT + 1))
+
+
+def older(path: Path) -> Path:
+    return write(path, items(), head=replace(HEAD, format=FORMAT - 1))
 
 
 def empty(path: Path) -> Path:
@@ -164,8 +169,9 @@ def pipe(path: Path) -> Path:
         (foreign, "an MCAP file, but no record of MissionTree: it is of ros2 and "),
         (
             newer,
-            "was written by a newer MissionTree; this one reads format 1\n  try: pip install --upgrade missiontree",
+            "is a record of format 3; this MissionTree reads format 2 alone\n  try: pip install --upgrade ",
         ),
+        (older, "is a record of format 1; this MissionTree reads format 2 alone\n  try: record the mission anew"),
         (folder, "cannot be read: Is a directory"),
         (pipe, "no record: it is not even a file"),
         (lambda path: path, "cannot be read: No such file or directory"),

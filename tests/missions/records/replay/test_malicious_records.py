@@ -14,9 +14,9 @@ import pytest
 
 from missions.executive.events import Ended, FaultRaised, Logged, NodeChanged, VariableSet
 from missions.executive.tick_record import TickRecord
-from missions.plugins.records.recording.codec import to_json as to_fields_of
 from missions.plugins.records.recording.head import Contents, Head
 from missions.plugins.records.recording.items import Picture, Seen, packed, unpacked
+from missions.plugins.records.recording.tagged_values import to_json as to_fields_of
 from missions.plugins.records.recording.writer import Message, RecordWriter, Sink
 from missions.trees.tree_json import to_json
 from perception.api import Box, View

@@ -17,9 +17,9 @@ from matplotlib.figure import Figure
 from drivers.api import JointState, Quality, Reading
 from missions.executive.tick_record import TickRecord
 from missions.plugins.records.commands.record import command
-from missions.plugins.records.recording.codec import to_json
 from missions.plugins.records.recording.faults import InvalidRecordError
 from missions.plugins.records.recording.read import Record, open_record
+from missions.plugins.records.recording.tagged_values import to_json
 from missions.plugins.records.report.joints import MOST_JOINTS, JointFigures, figures_of, joint_charts, tracks_of
 from missions.plugins.records.report.page import page
 from missions.plugins.records.report.papers import draw

@@ -57,16 +57,16 @@ def test_the_schema_refuses_what_it_does_not_know() -> None:
     ("where", "value", "words"),
     [
         (("format",), "missiontree-tree/9", f"its format is 'missiontree-tree/9', not '{FORMAT}'"),
-        (("tree",), None, "'tree' must be dict, got None"),
-        (("tree", "line"), "3", "'line' must be int, got '3'"),
+        (("tree",), None, "'tree' must be an object (Box), got None"),
+        (("tree", "line"), "3", "'tree.line' must be a whole number within 1 and "),
         (
             ("tree", "status"),
             "done",
-            "'status' must be one of idle, running, suspended, success, skipped, failure, got 'done'",
+            "'tree.status' must be one of idle, running, suspended, success, skipped, failure, got 'done'",
         ),
-        (("tree", "since"), "now", "'since' must be seconds or null, got 'now'"),
-        (("tree", "modifiers"), [1], "'modifiers' must be dict, got 1"),
-        (("tree", "arguments"), {"distance": 1}, "'distance' must be str, got 1"),
+        (("tree", "since"), "now", "'tree.since' must be a number, got 'now'"),
+        (("tree", "modifiers"), [1], "'tree.modifiers' must be an object (Badge), got 1"),
+        (("tree", "arguments"), {"distance": 1}, "'tree.arguments.distance' must be a text, got 1"),
     ],
 )
 def test_a_wrong_dump_is_refused_with_what_is_wrong(where: tuple[str, ...], value: object, words: str) -> None:
@@ -83,6 +83,6 @@ def test_the_command_writes_the_schema_of_dumps(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert json.loads(command(capsys, "schema", "--tree").out) == schema()
-    assert command(capsys, "schema", "--tree", "-o", "tree.json").code == 0
+    assert json.loads(command(capsys, "schema", "tree").out) == schema()
+    assert command(capsys, "schema", "tree", "-o", "tree.json").code == 0
     assert json.loads(Path("tree.json").read_text(encoding="utf-8")) == schema()

@@ -22,7 +22,7 @@ from missions.plugins.records.recording.schemas.shapes import (
 
 def _percepts(about: str, /, **members: Schema) -> Schema:
     """Return a list of what perception follows: what all of it has, and ``members``."""
-    return listing(about, opened("", " ".join(members), **_PERCEPT, **members))
+    return listing(about, opened("", **_PERCEPT, **members))
 
 
 _TICK = whole("The tick in which.")
@@ -41,7 +41,7 @@ _PERCEPT = {
         height=real("Pixels."),
     ),
     "bearing": real("Radians left of the picture's middle."),
-    "drop": real("Radians below it."),
+    "elevation": real("Radians below it."),
     "yaw": real("Its direction in the odometry frame, filtered: radians to the left."),
     "pitch": real("Radians downwards."),
     "yaw_rate": real("rad/s."),
@@ -139,7 +139,6 @@ OURS: Mapping[str, Schema] = {
     ),
     "missiontree.VariableSet": closed(
         "A variable of a mission has a new value.",
-        "dimension",
         t=TIME,
         tick=_TICK,
         scope=text("The key of the sub-mission whose variable it is; empty for the mission itself."),
@@ -149,7 +148,6 @@ OURS: Mapping[str, Schema] = {
     ),
     "missiontree.View": opened(
         "All that one frame showed.",
-        "spent",
         t=TIME,
         looked=or_null(number("The stamp of the frame.")),
         faces=_percepts("Faces, largest first.", name=text("Whose it is, where that is known.")),
@@ -258,7 +256,6 @@ OURS: Mapping[str, Schema] = {
             "Each joint.",
             closed(
                 "",
-                "blocked",
                 **_MEASURED,
                 position=real("Radians."),
                 velocity=real("rad/s."),
@@ -279,7 +276,6 @@ OURS: Mapping[str, Schema] = {
             "Each part.",
             closed(
                 "",
-                "returned",
                 online=flag("Whether it is there."),
                 detail=text("What is the matter."),
                 hint=text("What to type next."),

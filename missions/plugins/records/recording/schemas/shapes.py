@@ -56,14 +56,14 @@ def named(about: str, each: Schema) -> Schema:
     return of("object", about, additionalProperties=each)
 
 
-def opened(about: str, optional: str = "", /, **members: Schema) -> Schema:
-    """Return an object that may have other members too; those that are ``optional`` may lack."""
-    return of("object", about, properties=members, required=[name for name in members if name not in optional.split()])
+def opened(about: str, /, **members: Schema) -> Schema:
+    """Return an object that may have other members too."""
+    return of("object", about, properties=members, required=[*members])
 
 
-def closed(about: str, optional: str = "", /, **members: Schema) -> Schema:
+def closed(about: str, /, **members: Schema) -> Schema:
     """Return an object that has no other members."""
-    return opened(about, optional, **members) | {"additionalProperties": False}
+    return opened(about, **members) | {"additionalProperties": False}
 
 
 def numbers(about: str, names: str) -> Schema:

@@ -1,12 +1,9 @@
-"""Values as JSON and back, bit for bit: whatever drivers and perception say of themselves.
+"""Values as the messages of a record have them, bit for bit: whatever drivers and perception report.
 
-Where a type is declared, it says how to read the JSON: a dataclass is an object of its fields, a tuple an array, an
-enumeration its value, an array of numpy its bytes as base64. Where anything may stand (an answer, a variable), what
-JSON would not tell apart carries its kind under ``$``::
+Values of a declared type go through ``missions.codec``; an array of numpy is its bytes as base64. Where anything may
+stand (an answer, a variable), what JSON would not tell apart carries its kind under ``$``::
 
     {"$": "HeadPose", "pan": 0.1, "tilt": 0.0}      {"$": "tuple", "of": [1, 2]}      {"$": "float", "of": "nan"}
-
-JSON has no numbers beyond the finite ones: those are ``"nan"``, ``"inf"`` and ``"-inf"``.
 
 numpy is imported by the first value of it: most records have none, and their writer starts in half the time.
 """
@@ -16,16 +13,17 @@ import json
 import types
 from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from enum import Enum
 from functools import cache, partial
 from math import isfinite
-from typing import Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar
 
 import drivers.api
 import perception.api
 from drivers.api.measures import Array
 from drivers.errors import BadRequest, DeviceFault, DriverError, NoReply, NotConnected, SensorSilent
+from missions.codec import Coder, Rules, coder, decode, encode, number, unchanged
 
 T = TypeVar("T")
 
@@ -47,36 +45,38 @@ ERRORS: Mapping[str, type[DriverError]] = {
 
 
 def to_json(value: object) -> object:
-    """Return a value as ``from_json`` reads it when it is told the value's type."""
-    kind: Any = type(value)
-    return _coder(kind).encode(value)
+    """Return a value as ``from_json`` reads it when it is given the value's type."""
+    return encode(value, RULES)
 
 
 def from_json(data: object, kind: type[T]) -> T:
-    """Return the value of type ``kind`` that was written so. Raises ValueError for what is none."""
-    wanted: Any = kind
+    """Return the value of type ``kind`` that was written so. Raises ValueError for other data."""
     try:
-        found: T = _coder(wanted).decode(data)
+        return decode(kind, data, RULES)
     except (LookupError, TypeError, AttributeError, ValueError, OverflowError) as error:
         raise ValueError(f"no {getattr(kind, '__name__', kind)}: {json.dumps(data):.80}: {error}") from error
-    return found
+
+
+def view_in(message: Mapping[str, object]) -> perception.api.View:
+    """Return the view of a message on /percepts, which has its own time beside it. Raises ValueError."""
+    return from_json({name: value for name, value in message.items() if name != "t"}, perception.api.View)
 
 
 def tagged(value: object) -> object:
-    """Return a value of any type as ``untagged`` reads it; of what is not known here, only the words remain."""
+    """Return a value of any type as ``untagged`` reads it; one of an unknown type becomes its text."""
     kind: Any = type(value)
     return _tagger(kind)(value)
 
 
 @cache
 def _tagger(kind: Any) -> Callable[[Any], object]:
-    """Return how values of a type are written where anything may stand; asked once a type, for it is asked often."""
+    """Return the writer of values of a type; cached, since it is needed for every answer."""
     name: str = kind.__name__
     known = NAMED.get(name) is kind
     if issubclass(kind, Enum):
         return (lambda value: {TAG: name, "of": value.value}) if known else _tag_text
     if issubclass(kind, bool | int | str | types.NoneType):
-        return _same
+        return unchanged
     ways: Sequence[tuple[type[Any], Callable[[Any], object]]] = (
         (float, lambda value: value if isfinite(value) else _tag("float", number(value))),
         (list, lambda value: [tagged(each) for each in value]),
@@ -86,12 +86,12 @@ def _tagger(kind: Any) -> Callable[[Any], object]:
         (AbstractSet, lambda value: _tag("set", [tagged(each) for each in value])),
     )
     if known:
-        return partial(_tag_known, name, _coder(kind).encode)
+        return partial(_tag_known, name, coder(kind, RULES).encode)
     return next((way for made, way in ways if issubclass(kind, made)), None) or _numpy_tagger(kind)
 
 
 def _numpy_tagger(kind: type[Any]) -> Callable[[Any], object]:
-    """Return the same for what only numpy may have made."""
+    """Return the writer of a type that may be one of numpy's."""
     if not any(base.__module__ == "numpy" for base in kind.__mro__):
         return _tag_text
     import numpy as np  # noqa: PLC0415 - see the module
@@ -102,7 +102,7 @@ def _numpy_tagger(kind: type[Any]) -> Callable[[Any], object]:
 
 
 def untagged(data: object) -> Any:
-    """Return the value that ``tagged`` has written so. Raises LookupError, TypeError or ValueError for what is none."""
+    """Return the value that ``tagged`` has written so. Raises LookupError, TypeError or ValueError for other data."""
     if isinstance(data, list):
         return [untagged(each) for each in data]
     if not isinstance(data, dict):
@@ -115,12 +115,8 @@ def untagged(data: object) -> Any:
     if name in ERRORS:
         return ERRORS[name](data["of"], hint=data["hint"])
     kind: Any = NAMED[name]
-    return kind(data["of"]) if issubclass(kind, Enum) else _coder(kind).decode(data)
-
-
-def number(value: Any) -> object:
-    """Return a number as JSON can have it."""
-    return value if isfinite(value) else str(float(value))
+    members = data["of"] if issubclass(kind, Enum) else {key: value for key, value in data.items() if key != TAG}
+    return coder(kind, RULES).decode(members)
 
 
 def dumps(data: object) -> bytes:
@@ -138,23 +134,7 @@ def _plain(value: object) -> object:
 
 
 _JSON = json.JSONEncoder(separators=(",", ":"), allow_nan=False, check_circular=False, default=_plain)
-"""What it is given was just made, and holds nothing that holds itself."""
-
-
-class _Coder(NamedTuple):
-    """How values of one type are written and read."""
-
-    encode: Callable[[Any], object]
-    decode: Callable[[Any], Any]
-
-
-def _same(value: Any) -> Any:
-    return value
-
-
-def _from_number(data: Any) -> Any:
-    found = float(data)  # not of more digits than floats have, which would fail far from here
-    return data if isinstance(data, int | float) else found
+"""Its input was just made, and holds nothing that holds itself."""
 
 
 def _array(value: Any) -> object:
@@ -169,99 +149,6 @@ def _from_array(data: Any) -> Any:
     kind = np.dtype(data["dtype"])
     found = np.frombuffer(base64.b64decode(data["data"]), kind).reshape(data["shape"])
     return found.astype(kind.newbyteorder("="))
-
-
-def _checked(*kinds: type) -> Callable[[Any], Any]:
-    def decode(data: Any) -> Any:
-        if not isinstance(data, kinds):
-            raise TypeError(f"{data!r:.40} is no {kinds[0].__name__}")
-        return data
-
-    return decode
-
-
-_TAGGED = _Coder(tagged, untagged)
-_FLOAT = _Coder(number, _from_number)
-_PLAIN = {
-    bool: _Coder(_same, _checked(bool)),
-    int: _Coder(_same, _checked(int, float)),
-    str: _Coder(_same, _checked(str)),
-}
-_ARRAY = _Coder(_array, _from_array)
-
-
-@cache
-def _coder(kind: Any) -> _Coder:
-    """Return how values of a type are written and read; of an unknown one with their kind."""
-    origin, inner = get_origin(kind), get_args(kind)
-    if kind is float:
-        return _FLOAT
-    if kind in _PLAIN:
-        return _PLAIN[kind]
-    if kind is Array:
-        return _ARRAY
-    made = kind if origin is None else origin
-    if isinstance(made, type) and is_dataclass(made):
-        return _object(made)
-    if isinstance(kind, type) and issubclass(kind, Enum):
-        return _Coder(lambda value: value.value, kind)
-    if origin in (Union, types.UnionType) and len(inner) == 2 and type(None) in inner:
-        return _optional(_coder(next(each for each in inner if each is not type(None))))
-    return _container(origin, inner)
-
-
-def _container(origin: Any, inner: tuple[Any, ...]) -> _Coder:
-    if origin is tuple and inner[-1:] != (...,):
-        return _row(tuple(_coder(each) for each in inner))
-    if origin in (tuple, list, frozenset, Sequence):
-        make, one = (tuple if origin is Sequence else origin), _coder(inner[0])
-        arrange = sorted if origin is frozenset else _same
-        return _Coder(
-            lambda value: [one.encode(each) for each in arrange(value)],
-            lambda data: make(one.decode(each) for each in data),
-        )
-    if origin is Mapping and inner[0] is str:
-        held = _coder(inner[1])
-        return _Coder(
-            lambda value: {key: held.encode(each) for key, each in value.items()},
-            lambda data: {key: held.decode(each) for key, each in data.items()},
-        )
-    return _TAGGED
-
-
-def _object(kind: type[Any]) -> _Coder:
-    """Return how a dataclass is written: by its fields. One that is missing when it is read has its default.
-
-    A field that was renamed says in its metadata by which name it is ``recorded``: records of before are read, too.
-    """
-    hints = get_type_hints(kind)
-    coders = [
-        (field.name, field.metadata.get("recorded", field.name), _coder(hints[field.name])) for field in fields(kind)
-    ]
-
-    def encode(value: Any) -> object:
-        return {recorded: coder.encode(getattr(value, name)) for name, recorded, coder in coders}
-
-    def decode(data: Any) -> Any:
-        if not isinstance(data, dict):
-            raise TypeError(f"{data!r:.40} is no object")
-        return kind(**{name: coder.decode(data[recorded]) for name, recorded, coder in coders if recorded in data})
-
-    return _Coder(encode, decode)
-
-
-def _optional(one: _Coder) -> _Coder:
-    return _Coder(
-        lambda value: None if value is None else one.encode(value),
-        lambda data: None if data is None else one.decode(data),
-    )
-
-
-def _row(coders: tuple[_Coder, ...]) -> _Coder:
-    return _Coder(
-        lambda value: [coder.encode(each) for coder, each in zip(coders, value, strict=True)],
-        lambda data: tuple(coder.decode(each) for coder, each in zip(coders, data, strict=True)),
-    )
 
 
 def _tag(name: str, data: object) -> object:
@@ -296,4 +183,9 @@ _CONTAINERS: Mapping[str, Callable[[Any], Any]] = {
     "float": float,
     "text": str,
 }
-"""What a kind means that is not the name of a type."""
+"""Readers of the kinds that are not the name of a type."""
+
+_ARRAY, _TAGGED = Coder(_array, _from_array), Coder(tagged, untagged)
+
+RULES = Rules(finite=False, other=lambda kind: _ARRAY if kind is Array else _TAGGED)
+"""How records are written and read: numbers that JSON lacks as texts, and any value with its kind."""

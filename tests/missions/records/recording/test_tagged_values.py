@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from config.units import Quantity
 from drivers.api import DockBeam, HeadPose, Image, Lamp, Quality, Ranges, RangeScan, Reading, Source, Velocity
 from drivers.errors import DriverError, NoReply
-from missions.plugins.records.recording.codec import ERRORS, NAMED, dumps, from_json, tagged, to_json, untagged
+from missions.plugins.records.recording.tagged_values import ERRORS, NAMED, dumps, from_json, tagged, to_json, untagged
 from perception.api import View
 
 FLOATS = st.floats(allow_nan=True, allow_infinity=True)
@@ -134,8 +134,10 @@ def test_what_is_no_value_of_that_type_is_refused(data: object) -> None:
         from_json(data, View)
 
 
-def test_a_value_written_by_an_older_version_has_the_defaults_of_what_it_lacks() -> None:
-    assert from_json({"looked": 1.0, "mood": "new"}, View) == View(looked=1.0)
+def test_members_that_are_missing_have_their_defaults_and_unknown_ones_are_refused() -> None:
+    assert from_json({"looked": 1.0}, View) == View(looked=1.0)
+    with pytest.raises(ValueError, match="'mood' is not a member of View"):
+        from_json({"looked": 1.0, "mood": "new"}, View)
 
 
 def test_flags_are_of_their_own_kind() -> None:

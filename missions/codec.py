@@ -1,0 +1,416 @@
+"""JSON of dataclasses and back, strictly: the codec of records, of the control socket and the studio, and of fleets.
+
+A message is an object of its fields. The type of a field says how its JSON looks: a dataclass is an object, a tuple or
+list an array, an enumeration its value. ``Annotated`` adds a description and a ``Bound``, or the declaration of an
+option, which has both; the JSON Schema shows them. ``Rules`` are the limits of one kind of reader. Data that is not
+exactly as declared raises CodecError.
+
+Pure Python, since the control socket of every run reads its commands by it: no compiled package is needed to stop a
+robot. Coders are made once a type and cached.
+"""
+
+import inspect
+import types
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import MISSING, Field, fields, is_dataclass
+from enum import Enum
+from functools import cache
+from math import inf, isfinite
+from reprlib import Repr
+from sys import float_info
+from typing import Any, Literal, NamedTuple, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+from config.faults import did_you_mean
+from config.reading import parse_json
+from drivers.api.quick import dataclass
+from missions.options import Option
+
+T = TypeVar("T")
+
+MAX_INTEGER = 2**53
+"""Largest whole number that a float holds exactly."""
+
+_shown = Repr()
+_shown.maxstring = _shown.maxlong = _shown.maxother = 60
+
+
+class CodecError(ValueError):
+    """Data that is not as declared. ``path`` names the member, ``hint`` says what may be meant."""
+
+    def __init__(self, problem: str, path: str = "", hint: str = "") -> None:
+        super().__init__(problem)
+        self.problem, self.path, self.hint = problem, path, hint
+
+    def __str__(self) -> str:
+        return f"'{self.path[:60]}' {self.problem}" if self.path else self.problem
+
+    def inside(self, name: str) -> "CodecError":
+        """Return the same error as seen from the object around the member ``name``, which may be any text."""
+        name = shown(name)[1:-1]
+        return CodecError(self.problem, f"{name}.{self.path}" if self.path else name, self.hint)
+
+
+class Coder(NamedTuple):
+    """Writes and reads values of one type. ``decode`` raises CodecError."""
+
+    encode: Callable[[Any], Any]
+    decode: Callable[[Any], Any]
+
+
+def unchanged(value: Any) -> Any:
+    """Return the value itself."""
+    return value
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """Limits of a reader.
+
+    Texts have at most ``max_text`` characters and satisfy ``is_text``, which ``text`` describes for errors; lists and
+    objects have at most ``max_members``; no number is larger than ``max_number``. With ``finite``, numbers are finite,
+    else those that JSON lacks are "nan", "inf" and "-inf". ``omit_none`` leaves members out that are None. ``other``
+    returns the coder of a type that has none here, such as Any.
+    """
+
+    max_text: float = inf
+    max_members: float = inf
+    max_number: float = float_info.max
+    is_text: Callable[[str], bool] = lambda _: True
+    text: str = "a text"
+    finite: bool = True
+    omit_none: bool = False
+    other: Callable[[Any], Coder] = lambda _: Coder(unchanged, unchanged)
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """Range of a number; or, for a text, ``high`` is its greatest length."""
+
+    low: float = -inf
+    high: float = inf
+
+
+UNBOUNDED = Bound()
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """Name of a member where that cannot be the field's."""
+
+    word: str
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A declared field: its ``word`` in JSON, type without marks, description, bounds, and whether it must be there."""
+
+    name: str
+    word: str
+    kind: Any
+    about: str
+    bound: Bound
+    required: bool
+    default: object
+
+
+@cache
+def members(kind: Any) -> tuple[Member, ...]:
+    """Return the fields of a message's class."""
+    hints = get_type_hints(kind, include_extras=True)
+    return tuple(_member(each, hints[each.name]) for each in fields(kind))
+
+
+def _member(field: "Field[Any]", hint: Any) -> Member:
+    marks = getattr(hint, "__metadata__", ())
+    found = {type(mark): mark for mark in marks}
+    about, bound = found.get(str, ""), found.get(Bound, UNBOUNDED)
+    if option := found.get(Option):
+        about = about or option.help
+        low, high = (-inf if option.low is None else option.low), (inf if option.high is None else option.high)
+        bound = Bound(max(bound.low, low), min(bound.high, high))
+    required = field.default is MISSING and field.default_factory is MISSING
+    default = None if required or field.default is MISSING else field.default
+    word = found.get(Word, Word(field.name)).word
+    return Member(field.name, word, get_args(hint)[0] if marks else hint, about, bound, required, default)
+
+
+def shown(value: object) -> str:
+    """Return the beginning of a value, for an error: however deep it is, and however long."""
+    return _shown.repr(value)[:60]
+
+
+def encode(message: object, rules: Rules) -> Any:
+    """Return a message as JSON has it."""
+    kind: Any = type(message)
+    return coder(kind, rules).encode(message)
+
+
+def decode(kind: type[T], data: object, rules: Rules) -> T:
+    """Return the value of type ``kind`` that ``data`` is. Raises CodecError."""
+    wanted: Any = kind
+    return cast("T", coder(wanted, rules).decode(data))
+
+
+def encode_word(message: Any, key: str, rules: Rules) -> dict[str, Any]:
+    """Return a message as JSON has it, its word first, under ``key``."""
+    return {key: message.word, **encode(message, rules)}
+
+
+def parse(data: str | bytes, max_bytes: int) -> Any:
+    """Return the value of a JSON text of at most ``max_bytes``. Raises CodecError."""
+    if len(data) > max_bytes:
+        raise CodecError(f"{len(data)} bytes; at most {max_bytes} are read")
+    try:
+        return parse_json(data)
+    except ValueError as error:
+        raise CodecError(f"no JSON: {error}"[:200]) from error
+
+
+def decode_word(data: object, key: str, kinds: Mapping[str, type[T]], rules: Rules) -> T:
+    """Return the message that has its word under ``key``, as the class of that word. Raises CodecError."""
+    if not isinstance(data, dict):
+        raise CodecError(f'not an object, such as {{"{key}": "{next(iter(kinds))}"}}')
+    word = data.get(key)
+    if not isinstance(word, str) or word not in kinds:
+        said = word[:60] if isinstance(word, str) else shown(word)
+        raise UnknownWordError(f"unknown command {said!r}", "", did_you_mean(said, kinds))
+    return decode(kinds[word], {name: value for name, value in data.items() if name != key}, rules)
+
+
+class UnknownWordError(CodecError):
+    """A message of no known class."""
+
+
+@cache
+def coder(kind: Any, rules: Rules, bound: Bound = UNBOUNDED) -> Coder:
+    """Return the coder of a type; one of a dataclass may hold itself."""
+    origin, inner = get_origin(kind), get_args(kind)
+    made = kind if origin is None else origin
+    if isinstance(made, type) and is_dataclass(made):
+        return _object(made, rules)
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return _enum(kind)
+    if origin is Literal:
+        words = f"one of {', '.join(inner)}"
+        return Coder(unchanged, _check(words, lambda data: isinstance(data, str) and data in inner))
+    if kind in (bool, int, float, str):
+        return _plain(kind, rules, bound)
+    if origin in (Union, types.UnionType) and len(inner) == 2 and type(None) in inner:
+        return _optional(coder(next(each for each in inner if each is not type(None)), rules, bound))
+    if origin is tuple and inner[-1:] != (...,):
+        return _row(tuple(coder(each, rules) for each in inner))
+    if origin in (tuple, list, frozenset, Sequence):
+        return _list(origin, coder(inner[0], rules), rules)
+    if origin is Mapping and inner[0] is str:
+        return _mapping(coder(inner[1], rules), rules)
+    return rules.other(kind)
+
+
+def _must_be(wanted: str, value: object) -> CodecError:
+    return CodecError(f"must be {wanted}, got {shown(value)}")
+
+
+def _check(wanted: str, holds: Callable[[Any], bool]) -> Callable[[Any], Any]:
+    """Return a reader of data for which a condition holds."""
+
+    def decode(data: Any) -> Any:
+        if not holds(data):
+            raise _must_be(wanted, data)
+        return data
+
+    return decode
+
+
+def _enum(kind: type[Enum]) -> Coder:
+    def decode(data: Any) -> Any:
+        try:
+            if type(data) in (str, int):
+                return kind(data)
+        except ValueError:
+            pass
+        raise _must_be(f"one of {', '.join(str(each.value) for each in kind)}", data)
+
+    return Coder(lambda value: value.value, decode)
+
+
+def _plain(kind: type, rules: Rules, bound: Bound) -> Coder:
+    """Return the coder of a flag, a number or a text."""
+    if kind is bool:
+        return Coder(unchanged, _check("true or false", lambda data: isinstance(data, bool)))
+    if kind is str:
+        longest = rules.max_text if bound.high == inf else bound.high
+        wanted = rules.text if longest == inf else f"{rules.text} of at most {longest:g} characters"
+        fits = lambda data: isinstance(data, str) and len(data) <= longest and rules.is_text(data)  # noqa: E731
+        return Coder(unchanged, _check(wanted, fits))
+    low, high = max(bound.low, -rules.max_number), min(bound.high, rules.max_number)
+    kinds, wanted = ((int,), "a whole number") if kind is int else ((int, float), "a number")
+    wanted += "" if bound == UNBOUNDED else f" within {low:g} and {high:g}"
+    decode = _check(wanted, lambda data: type(data) in kinds and low <= data <= high)
+    if kind is int or rules.finite:
+        return Coder(unchanged, decode)
+    return Coder(number, lambda data: float(data) if data in ("nan", "inf", "-inf") else decode(data))
+
+
+def number(value: Any) -> Any:
+    """Return a number as JSON can have it: "nan", "inf" and "-inf" for those that it lacks."""
+    return value if isfinite(value) else str(float(value))
+
+
+Ways = Callable[[], Mapping[str, tuple[str, Coder]]]
+"""Returns the members of a class by their words: the field of each, and its coder."""
+
+
+def _object(kind: Any, rules: Rules) -> Coder:
+    """Return the coder of a dataclass. Its members are looked up at first use, since one may be of the class itself.
+
+    The properties that the class names in ``derived`` are written, too, and not read.
+    """
+    derived: Collection[str] = getattr(kind, "derived", ())
+
+    @cache
+    def ways() -> Mapping[str, tuple[str, Coder]]:
+        return {each.word: (each.name, coder(each.kind, rules, each.bound)) for each in members(kind)}
+
+    def encode(message: Any) -> Any:
+        values = ((word, way.encode, getattr(message, name)) for word, (name, way) in ways().items())
+        found = {word: write(value) for word, write, value in values if value is not None or not rules.omit_none}
+        for name in derived:
+            found[name] = getattr(message, name)
+        return found
+
+    return Coder(encode, _object_reader(kind, ways, derived))
+
+
+def _object_reader(kind: Any, ways: Ways, derived: Collection[str]) -> Callable[[Any], Any]:
+    def decode(data: Any) -> Any:
+        if not isinstance(data, dict):
+            raise _must_be(f"an object ({kind.__name__})", data)
+        found, known, word = {}, ways(), ""
+        try:
+            for word, value in data.items():
+                if word in known:
+                    name, way = known[word]
+                    found[name] = way.decode(value)
+                elif word not in derived:
+                    raise CodecError(f"is not a member of {kind.__name__}", "", did_you_mean(word, known))
+        except CodecError as error:
+            raise error.inside(word) from error
+        for each in members(kind):
+            if each.required and each.name not in found:
+                raise CodecError(f"is missing{': ' if each.about else ''}{each.about}", each.word)
+        return kind(**found)
+
+    return decode
+
+
+def _optional(one: Coder) -> Coder:
+    return Coder(
+        unchanged if one.encode is unchanged else lambda value: None if value is None else one.encode(value),
+        lambda data: None if data is None else one.decode(data),
+    )
+
+
+def _row(coders: tuple[Coder, ...]) -> Coder:
+    def decode(data: Any) -> Any:
+        if not isinstance(data, list) or len(data) != len(coders):
+            raise _must_be(f"a list of {len(coders)}", data)
+        return tuple(way.decode(each) for way, each in zip(coders, data, strict=True))
+
+    return Coder(lambda value: [way.encode(each) for way, each in zip(coders, value, strict=True)], decode)
+
+
+def _list(origin: Any, one: Coder, rules: Rules) -> Coder:
+    make = tuple if origin is Sequence else origin
+    arrange = sorted if origin is frozenset else unchanged
+
+    def decode(data: Any) -> Any:
+        if not isinstance(data, list) or len(data) > rules.max_members:
+            raise _must_be("a list", data)
+        return make(map(one.decode, data))
+
+    plain = one.encode is unchanged and origin is not frozenset
+    return Coder(unchanged if plain else lambda value: [one.encode(each) for each in arrange(value)], decode)
+
+
+def _mapping(held: Coder, rules: Rules) -> Coder:
+    read_name = _plain(str, rules, UNBOUNDED).decode
+
+    def decode(data: Any) -> Any:
+        if not isinstance(data, dict) or len(data) > rules.max_members:
+            raise _must_be("an object", data)
+        found, name = {}, ""
+        try:
+            for name, value in data.items():
+                found[read_name(name)] = held.decode(value)
+        except CodecError as error:
+            raise error.inside(name) from error
+        return found
+
+    def encode(value: Any) -> Any:
+        return {name: held.encode(each) for name, each in value.items()}
+
+    return Coder(dict if held.encode is unchanged else encode, decode)
+
+
+Schema = dict[str, Any]
+"""A JSON Schema (draft 2020-12)."""
+
+
+def object_schema(kind: Any, rules: Rules, **first: Schema) -> Schema:
+    """Return the JSON Schema of a class; ``first`` are members before its own. Other classes are references.
+
+    ``definitions`` has what those lead to.
+    """
+    properties = dict(first)
+    for each in members(kind):
+        found = _schema_of(each.kind, each.bound, rules)
+        properties[each.word] = {"description": each.about, **found} if each.about else found
+        if not each.required and each.default not in (None, "", ()) and rules.omit_none:
+            properties[each.word] = {**properties[each.word], "default": each.default}
+    for name, about in getattr(kind, "derived", {}).items():
+        properties[name] = {"description": about, "type": "string"}
+    required = [name for name in properties if not rules.omit_none or name in first]
+    return {
+        "description": " ".join((inspect.getdoc(kind) or "").split()),
+        "type": "object",
+        "properties": properties,
+        "required": [*dict.fromkeys([*required, *(each.word for each in members(kind) if each.required)])],
+        "additionalProperties": False,
+    }
+
+
+def definitions(kind: Any, rules: Rules) -> dict[str, Schema]:
+    """Return the JSON Schemas of the classes within a class, by their names."""
+    found: dict[str, Schema] = {}
+    waiting = [each.kind for each in members(kind)]
+    while waiting:
+        hint = waiting.pop()
+        waiting += get_args(hint)
+        if is_dataclass(hint) and isinstance(hint, type) and hint.__name__ not in found:
+            found[hint.__name__] = object_schema(hint, rules)
+            waiting += [each.kind for each in members(hint)]
+    return found
+
+
+def _schema_of(kind: Any, bound: Bound, rules: Rules) -> Schema:
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin in (Union, types.UnionType):
+        found = _schema_of(next(each for each in inner if each is not type(None)), bound, rules)
+        return found if rules.omit_none or "type" not in found else {**found, "type": [found["type"], "null"]}
+    if origin is Literal:
+        return {"enum": list(inner)}
+    if origin is Mapping:
+        held = _schema_of(inner[1], UNBOUNDED, rules)
+        return {"type": "object", "additionalProperties": held} if held else {"type": "object"}
+    if origin in (Sequence, tuple):
+        return {"type": "array", "items": _schema_of(inner[0], UNBOUNDED, rules)}
+    if isinstance(kind, type) and is_dataclass(kind):
+        return {"$ref": f"#/$defs/{kind.__name__}"}
+    plain = {bool: "boolean", str: "string", int: "integer", float: "number"}
+    if kind not in plain:
+        return {}
+    found = {"type": plain[kind]}
+    if kind is str:
+        return found if bound.high == inf else found | {"maxLength": int(bound.high)}
+    sides = {"minimum": bound.low, "maximum": bound.high}
+    return found | {name: side for name, side in sides.items() if isfinite(side)}
