@@ -8,7 +8,7 @@ from drivers.base.twin import BaseTwin
 from tests.drivers.guard_campaign import draw, play, run_errand
 from tests.tries import tries
 
-SEEDS, CLEAN_SEEDS = 40, 12
+SEEDS, CLEAN_SEEDS = 16, 6
 MOST_SEEDS, MOST_CLEAN_SEEDS = 10_000, 400
 
 

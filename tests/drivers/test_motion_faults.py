@@ -16,13 +16,13 @@ from tests.drivers.motion_faults import BASES, FAULTS, TICK, TRACK, MotionCase, 
 from tests.tries import tries
 
 
-@pytest.mark.parametrize("seed", range(tries(40, most=500)))
+@pytest.mark.parametrize("seed", range(tries(16, most=500)))
 def test_a_fault_stops_the_base_within_a_second_and_ends_the_motion(seed: int) -> None:
     ending = play(draw(seed, faulty=True))
     assert not ending.missed, ending
 
 
-@pytest.mark.parametrize("seed", range(tries(40, most=500)))
+@pytest.mark.parametrize("seed", range(tries(16, most=500)))
 def test_a_base_that_slips_climbs_or_reports_rarely_is_not_stopped(seed: int) -> None:
     ending = play(draw(seed, faulty=False))
     assert ending.status is SUCCESS, ending

@@ -117,12 +117,13 @@ PACED = "run to_and_fro.yaml --json"
 def hurried(line: str) -> list[str]:
     """Return the words of a command; a run that says nothing of time or of metal is given simulated time.
 
-    One that shows what params are for needs no pictures.
+    One that shows what params are for needs no pictures, and one that films finds people without looking for them.
     """
     simulated = line.startswith(("run ", "motion ")) and not line.startswith(PACED)
     own = {"--simulate", "--speed", "--eyes", "--robot", "--camera", "--film"} & set(line.split())
     hurry = ["--simulate", "fast"] if simulated and not own else []
-    return [*words(line), *hurry, *(["--eyes", "truth"] if simulated and "--param" in line else [])]
+    truth = ["--eyes", "truth"] if "--film" in line or (simulated and "--param" in line) else []
+    return [*words(line), *hurry, *truth]
 
 
 def alone(line: str) -> ParameterSet:

@@ -169,7 +169,7 @@ def test_whatever_the_delay_the_base_rests_within_half_a_second_and_its_braking(
 ) -> None:
     runs = dict[int, float]()
     drove = 0
-    for seed in range(tries(150, most=10_000)):
+    for seed in range(tries(50, most=10_000)):
         chance = Random(f"delays {seed}")  # noqa: S311 - a draw is no secret
         remote = RemoteDrive(drawn(chance), drawn(chance))
         runs[seed] = remote.run()

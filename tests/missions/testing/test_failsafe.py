@@ -16,7 +16,7 @@ from missions.plugins.testing.failsafe.settings import CHOICES, NOTHING, Setting
 from tests.drivers.cranked import HandWire
 from tests.tries import tries
 
-SETTINGS = tries(20, most=200)
+SETTINGS = tries(10, most=200)
 SOON, NEAR = 0.1, 0.03
 """Seconds and metres by which a wire, and a driver that looks at it 200 times a second, may differ from a twin."""
 
@@ -68,9 +68,9 @@ def drawn(seed: int) -> Setting:
     return Setting(**{name: chance.choice(words) for name, words in CHOICES.items()})
 
 
-@pytest.mark.parametrize("first", range(0, SETTINGS, 20))
+@pytest.mark.parametrize("first", range(0, SETTINGS, 10))
 def test_the_page_says_what_the_real_driver_does_with_a_virtual_kobuki(first: int) -> None:
-    for seed in range(first, first + 20):
+    for seed in range(first, first + 10):
         setting = drawn(seed)
         page, wire = lasting(list(stepped_through(setting))), lasting(on_the_wire(setting))
         assert [each.what for each in page] == [each.what for each in wire], setting
