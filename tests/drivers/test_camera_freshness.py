@@ -135,7 +135,6 @@ def until_shown(camera: ThreadedCamera, count: int) -> None:
     wait_until(lambda: camera.health().counters["frames"] == count)
 
 
-@pytest.mark.real_time
 def test_a_live_camera_that_hangs_is_online_and_says_what_is_the_matter() -> None:
     feed, clock, notices = Live(), ManualClock(), list[DeviceStatus]()
     camera = opened(feed, clock, notices.append)
@@ -153,7 +152,6 @@ def test_a_live_camera_that_hangs_is_online_and_says_what_is_the_matter() -> Non
         camera.close()
 
 
-@pytest.mark.real_time
 def test_who_reads_a_camera_that_fell_silent_has_it_told_of_once() -> None:
     feed, clock, notices = Live(), ManualClock(), list[DeviceStatus]()
     camera = opened(feed, clock, notices.append)

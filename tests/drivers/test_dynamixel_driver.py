@@ -653,7 +653,6 @@ def ported() -> Iterator[Ported]:
     ported.terminal.close()
 
 
-@pytest.mark.real_time
 def test_over_a_port_the_arm_is_moved_lost_found_again_and_relaxed(ported: Ported) -> None:
     ported.joints.open()
     ported.goes(0.3)
@@ -667,7 +666,6 @@ def test_over_a_port_the_arm_is_moved_lost_found_again_and_relaxed(ported: Porte
     assert [servo.limp for servo in ported.chain.servos] == [True] * 3
 
 
-@pytest.mark.real_time
 def test_a_port_that_someone_else_holds_is_told_by_health(ported: Ported) -> None:
     other = ported.bus()
     other.open()

@@ -521,7 +521,6 @@ def kobuki_at_the_port(desk: RecordedMachine) -> Iterator[Terminal]:
         yield terminal
 
 
-@pytest.mark.real_time
 @pytest.mark.usefixtures("kobuki_at_the_port")
 def test_a_real_port_is_opened_asked_and_let_go(desk: RecordedMachine) -> None:
     found = survey(desk.machine, asker(desk.machine, DRIVERS, SystemClock(), patience=2.0))

@@ -176,7 +176,6 @@ def test_sound_arrives_piece_by_piece_in_order_and_without_gaps(
     assert [notice.kind for notice in notices] == ["online"]
 
 
-@pytest.mark.real_time
 def test_a_microphone_that_is_not_there_says_which_there_are(notices: list[DeviceStatus]) -> None:
     pytest.importorskip("miniaudio")
     microphone = CapturedMicrophone(SystemClock(), device="golden ear", backend="null", report=notices.append)
@@ -197,7 +196,6 @@ sys.stdin.read()
 """
 
 
-@pytest.mark.real_time
 def test_a_program_that_gives_no_more_sound_is_killed_and_another_follows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

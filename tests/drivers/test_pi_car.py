@@ -289,7 +289,6 @@ def test_a_guardian_that_cannot_let_the_motors_rest_says_so(
     assert ("the actuators perhaps do not rest: OSError: no acknowledgement" in capfd.readouterr().out) == is_told
 
 
-@pytest.mark.real_time
 def test_where_the_guardian_is_killed_another_one_stops_the_motors_first(
     journal: Journal, drive: Callable[[Mapping[str, object]], "subprocess.Popen[bytes]"]
 ) -> None:
@@ -343,7 +342,6 @@ def test_a_guardian_hears_no_signals_of_a_terminal_and_ends_with_its_driver(jour
     assert guardian._process.returncode == 0
 
 
-@pytest.mark.real_time
 @pytest.mark.usefixtures("journal")
 def test_another_guardian_knows_where_the_servos_stand() -> None:
     for expected, goal in (((guardian_wire.UNKNOWN, guardian_wire.UNKNOWN), (80, 100)), ((80, 100), (81, 101))):
@@ -357,7 +355,6 @@ def test_another_guardian_knows_where_the_servos_stand() -> None:
             guardian.close()
 
 
-@pytest.mark.real_time
 def test_a_pi_without_pins_is_told_in_words() -> None:
     dials = Guarded({"motors": "gpio", "left": {}, "right": {}}, COMMAND)
     guardian = dials("base", "the guardian", guardian_wire.BAUD)

@@ -195,7 +195,6 @@ class WatchedClock(ManualClock):
         return super().now()
 
 
-@pytest.mark.real_time
 def test_closing_ends_a_read_that_waits() -> None:
     clock = WatchedClock()
     camera = RenderedCamera(World(), lambda _: Viewpoint(), clock, size=(160, 120))

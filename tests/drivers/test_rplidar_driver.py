@@ -333,7 +333,6 @@ def share(begin: tuple[float, float], end: tuple[float, float]) -> float:
     return (end[0] - begin[0]) / (end[1] - begin[1])
 
 
-@pytest.mark.real_time
 def test_a_dirty_start_ends_in_scans_and_closing_stops_everything(wired: Wired) -> None:
     wait_until(lambda: len(wired.turns) >= 3)
     assert wired.device.health().counters["skipped bytes"] == 0

@@ -219,7 +219,6 @@ def test_many_silent_browsers_do_not_keep_it_longer_than_one(screen: PageScreen)
         assert clock.now() < 2.0  # with 0.2 s for each it would be 4 s
 
 
-@pytest.mark.real_time
 def test_a_crowd_of_silent_browsers_is_hung_up_on_and_makes_room(
     screen: PageScreen, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -526,7 +526,6 @@ print(hashlib.sha256(repr(told).encode()).hexdigest())
 """
 
 
-@pytest.mark.real_time
 def test_the_same_seed_is_the_same_run_in_every_process() -> None:
     def run(seed: int, hashing: int) -> str:
         environment = {**os.environ, "PYTHONHASHSEED": str(hashing), "PYTHONPATH": os.pathsep.join(sys.path)}

@@ -208,7 +208,6 @@ def test_the_tutorial_ends_with_the_mission_that_ships() -> None:
 
 
 @pytest.mark.parametrize("name", ["hello", "anybody"])
-@pytest.mark.real_time
 def test_a_pupil_can_run_the_first_missions(name: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     del folder
     outcome = command(capsys, "run", f"{name}.yaml", "--json")

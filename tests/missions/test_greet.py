@@ -94,7 +94,6 @@ def test_a_real_person_in_a_recorded_clip_is_greeted(clip: str) -> None:
     assert max(aims(events, *greeting(events))) < math.radians(5)
 
 
-@pytest.mark.real_time
 def test_footage_without_a_face_is_not_greeted(tmp_path: Path) -> None:
     make_footage(tmp_path / "empty.avi")
     result, _, said = run(RunRequest("greet", {"patience": "3 s"}, camera=str(tmp_path / "empty.avi")))

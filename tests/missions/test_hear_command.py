@@ -29,7 +29,6 @@ def lines(result: Result) -> list[list[str]]:
     return [line.split(None, 3)[2:] for line in result.output.splitlines()[1:]]
 
 
-@pytest.mark.real_time
 def test_each_phrase_is_told_and_all_else_refused(wav: Path) -> None:
     result = hear("--for", "yes please, hello rodney", "--wav", str(wav))  # a name, which the synthesiser pronounces
     assert result.output.startswith("listening for: yes please, hello rodney\n")
@@ -39,20 +38,17 @@ def test_each_phrase_is_told_and_all_else_refused(wav: Path) -> None:
     assert third[1].startswith("hello rodney  (score +")
 
 
-@pytest.mark.real_time
 def test_phrases_that_are_easily_confused_are_told(wav: Path) -> None:
     said = "mission: 'go' and 'no' are easily confused\n  try: another or a longer phrase\n"
     assert said in hear("--for", "go, no, hello", "--wav", str(wav)).stderr
     assert not hear("--for", "yes please, hello", "--wav", str(wav)).stderr
 
 
-@pytest.mark.real_time
 def test_a_threshold_may_be_asked_for(wav: Path) -> None:
     told = lines(hear("--for", "yes please, hello rodney", "--wav", str(wav), "--threshold", "9"))
     assert {verdict for verdict, _ in told} == {"refused"}
 
 
-@pytest.mark.real_time
 def test_the_phrases_of_a_mission_are_listened_for(wav: Path, tmp_path: Path) -> None:
     mission = tmp_path / "ask.yaml"
     mission.write_text("mission: ask\ntree: {listen: [yes please, stop]}\n", encoding="utf-8")
@@ -60,7 +56,6 @@ def test_the_phrases_of_a_mission_are_listened_for(wav: Path, tmp_path: Path) ->
     assert told[0][1].startswith("yes please")
 
 
-@pytest.mark.real_time
 def test_phrases_may_be_params_and_stand_in_leaves_of_ones_own(wav: Path, tmp_path: Path) -> None:
     own = tmp_path / "own.py"
     own.write_text(

@@ -114,7 +114,6 @@ def test_the_motions_go_by_the_numbers_of_the_course() -> None:
     }
 
 
-@pytest.mark.real_time
 def test_motions_are_listed_and_run_by_their_numbers(capsys: pytest.CaptureFixture[str]) -> None:
     listed = command(capsys, "list", "motions").out
     assert [line.split()[:2] for line in listed.splitlines()[1:]] == [list(item) for item in MOTIONS.items()]

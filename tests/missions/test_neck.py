@@ -74,7 +74,6 @@ def test_the_real_driver_turns_it_over_a_virtual_bus(folder: Path, mission: Call
     assert (outcome.code, outcome.out) == (0, "looks at +25, +0 deg\n")
 
 
-@pytest.mark.real_time
 def test_a_bus_that_is_not_there_is_said_with_what_to_try(
     folder: Path, mission: Callable[..., Outcome], monkeypatch: pytest.MonkeyPatch
 ) -> None:

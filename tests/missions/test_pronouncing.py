@@ -25,7 +25,6 @@ def test_the_robot_file_goes_before_the_dictionary() -> None:
     assert lexicon_for(config, ["hello"], SystemClock()).pronunciations("hello")[0] == ("HH", "AY")
 
 
-@pytest.mark.real_time
 def test_a_name_that_is_in_neither_is_said_by_the_synthesiser() -> None:
     pytest.importorskip("espeakng_loader")
     assert unpronounceable(MicrophoneKeys(), ["hello", "wheatleyon"]) == []
@@ -39,7 +38,6 @@ def test_without_a_synthesiser_it_is_a_fault(monkeypatch: pytest.MonkeyPatch) ->
     assert unpronounceable(MicrophoneKeys(), ["hello", "wheatleyon"]) == ["wheatleyon"]
 
 
-@pytest.mark.real_time
 def test_what_the_synthesiser_cannot_say_either_is_told_with_what_to_write(monkeypatch: pytest.MonkeyPatch) -> None:
     def silent(*_: object) -> str:
         raise ValueError("phoneme 'q' is none of the voice en-us")

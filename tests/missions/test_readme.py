@@ -153,7 +153,6 @@ def test_each_command_of_the_readme_works(
 
 
 @pytest.mark.parametrize("line", [line for line in commands() if of_kind(line) == "microphone"])
-@pytest.mark.real_time
 def test_it_listens_to_a_recording_where_there_is_no_microphone(
     line: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -162,7 +161,6 @@ def test_it_listens_to_a_recording_where_there_is_no_microphone(
 
 
 @pytest.mark.parametrize("line", [line for line in commands() if of_kind(line) == "terminal"])
-@pytest.mark.real_time
 def test_it_is_seen_on_a_terminal(line: str, folder: Path) -> None:
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, b"\x28\x00\x78\x00\x00\x00\x00\x00")  # 40 lines of 120 characters
@@ -186,7 +184,6 @@ def test_it_is_seen_on_a_terminal(line: str, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("line", [line for line in commands() if of_kind(line) == "devices"])
-@pytest.mark.real_time
 def test_the_virtual_devices_tell_their_ports(line: str, folder: Path) -> None:
     process = Process(*shlex.split(line), folder=folder)
     first = process.wait_for_line(lambda text: text.startswith("{"))

@@ -45,7 +45,6 @@ def test_a_listener_that_raises_even_to_leave_the_process_is_told_no_more_and_na
     assert stream.lost == ["function: no terminal for 0.0"]
 
 
-@pytest.mark.real_time
 def test_a_listener_that_hangs_holds_nobody_up() -> None:
     stuck, ready = threading.Event(), threading.Event()
 
@@ -75,7 +74,6 @@ def test_events_come_in_order_and_whole_before_the_stream_has_closed() -> None:
 
 
 @pytest.mark.parametrize("options", [[], ["--json"]], ids=["for people", "for programs"])
-@pytest.mark.real_time
 def test_a_mission_ends_at_rest_when_nobody_reads_what_it_prints(options: list[str], tmp_path: Path) -> None:
     (tmp_path / "far.yaml").write_text("mission: far\ntree:\n  drive: 20 m\n")
     reader, writer = os.pipe()

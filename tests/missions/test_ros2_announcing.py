@@ -126,7 +126,6 @@ def test_a_run_is_told_as_topics_also_to_who_comes_later(router: Ros2Terminal, n
     assert 0 <= since_1970() / 1e9 - seen["header"]["stamp"]["sec"] < 60
 
 
-@pytest.mark.real_time
 def test_of_many_events_at_once_none_is_lost(router: Ros2Terminal, node: Node) -> None:
     heard = list[int]()
 
@@ -256,7 +255,6 @@ def test_a_cancel_of_a_goal_whose_run_has_ended_does_not_stop_the_next(monkeypat
     assert stopped == [None, "the run of now"]
 
 
-@pytest.mark.real_time
 def test_a_run_is_told_on_once_the_router_is_back(router: Ros2Terminal) -> None:
     announcer = Announcer(Access((router.path,)), 0)
     announcer.open()

@@ -51,7 +51,6 @@ def waving(time: float) -> Mapping[str, float]:
     return {"elbow": 0.4 * (1 - cos(pi * time)), "wrist": 0.6 * (1 - cos(pi * time / 4))}
 
 
-@pytest.mark.real_time
 def test_what_is_played_is_what_was_recorded_within_two_steps_of_the_servo(tmp_path: Path) -> None:
     gesture = recorded(waving, 4.0, still=1.0).gesture("wave", "Wave.")
     path = tmp_path / "wave.yaml"

@@ -122,7 +122,6 @@ def test_the_monitor_says_which_joint_is_silent_or_has_shut_down(servo: Servo, r
     assert rows["waist"].endswith("overload, has shut down")
 
 
-@pytest.mark.real_time
 def test_ctrl_c_ends_the_live_monitor_and_frees_the_port(robot: Three) -> None:
     process = Process("servo", "info", "--robot", "three.yaml", "--json", "--watch", "20", folder=Path.cwd())
     process.wait_for_line(lambda line: '"wrist"' in line)

@@ -23,7 +23,6 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
     return lambda line: command(capsys, *line.split(), "--robot", "three.yaml")
 
 
-@pytest.mark.real_time
 def test_a_move_of_a_joint_in_another_mode_ends_with_the_command_that_helps(robot: Three, run: Run) -> None:
     robot.wrist.set("operating_mode", 1)
     outcome = run("servo move wrist 10 deg")

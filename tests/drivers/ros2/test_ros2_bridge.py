@@ -239,7 +239,6 @@ def test_another_type_and_malformed_messages_behind_a_bridge_are_reported(robot:
     wait_until(lambda: robot.base.protocol._faults.why(1) != mismatch)  # type: ignore[attr-defined]
 
 
-@pytest.mark.real_time
 def test_odometry_of_two_bridges_is_not_driven_by(robot: Bridged) -> None:
     robot.open()
     other: Any = open_session("bridge", Access((robot.terminal.path,)), patience=5.0)
@@ -280,7 +279,6 @@ def x_of(payload: bytes) -> float:
     return float(types().decode(ODOMETRY, payload).pose.pose.position.x)
 
 
-@pytest.mark.real_time
 def test_what_we_offer_and_say_is_there_for_robots_behind_a_bridge(robot: Bridged) -> None:
     robot.terminal.open()
     session: Any = open_session("test", Access((robot.terminal.path,)), patience=5.0)
@@ -309,7 +307,6 @@ def test_what_we_offer_and_say_is_there_for_robots_behind_a_bridge(robot: Bridge
     session.close()
 
 
-@pytest.mark.real_time
 def test_who_speaks_to_both_counts_once() -> None:
     """A program of ours on a router without a bridge is no bridge, though it has their tokens."""
     router: Any = open_session("router", Access((), mode="router", listen=(path := DdsBridge().path,)))
@@ -341,7 +338,6 @@ def test_the_command_lists_topics_and_messages_behind_a_bridge(
 ROBOT = "robot: dds\nros2: {router: ROUTER, domain: DOMAIN}\nbase: {driver: ros2}\n"
 
 
-@pytest.mark.real_time
 def test_ports_and_doctor_say_how_a_robot_speaks_or_why_it_does_not(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

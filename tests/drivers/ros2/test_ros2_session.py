@@ -134,7 +134,6 @@ def test_messages_without_attachments_are_not_heard_and_told_of(robot: Robot) ->
     wait_until(told)
 
 
-@pytest.mark.real_time
 def test_without_a_router_it_says_where_it_looked_and_what_to_start(robot: Robot) -> None:
     robot.graph.open()
     wait_until(lambda: "no router of Zenoh answers" in robot.graph.health().detail)
@@ -145,7 +144,6 @@ def test_without_a_router_it_says_where_it_looked_and_what_to_start(robot: Robot
 
 
 @pytest.mark.parametrize("compressed", [False, True])
-@pytest.mark.real_time
 def test_pictures_come_as_they_were_taken(robot: Robot, compressed: bool) -> None:
     shown = np.zeros((48, 64, 3), np.uint8)
     shown[:, 32:] = (250, 20, 30)
@@ -179,7 +177,6 @@ def test_a_picture_whose_figures_make_no_sense_is_none(values: dict[str, object]
         picture(IMAGES[0], types().encode(IMAGES[0], {**good, **values}))
 
 
-@pytest.mark.real_time
 def test_a_topic_of_a_name_is_no_action_of_it(robot: Robot) -> None:
     robot.open()
     wait_until(lambda: robot.graph.does("dock") and robot.graph.offers("odom"))

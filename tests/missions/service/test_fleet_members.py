@@ -96,7 +96,6 @@ def test_a_stop_is_confirmed_by_each_and_holds_until_it_is_released_also_over_a_
         assert bodies["anna"].said == [f"stop by {operator.by}"]
 
 
-@pytest.mark.real_time
 def test_a_release_of_a_stop_that_nobody_has_seen_is_refused(fleet: FleetKeys, tmp_path: Path) -> None:
     with at(fleet) as one, at(fleet) as other, member(fleet, "anna", tmp_path, CountingBody()):
         one.stop()
@@ -109,7 +108,6 @@ def test_a_release_of_a_stop_that_nobody_has_seen_is_refused(fleet: FleetKeys, t
     assert "the last one is 2" in answers[ANNA].why
 
 
-@pytest.mark.real_time
 def test_a_file_of_the_stop_that_cannot_be_read_is_a_stop(fleet: FleetKeys, tmp_path: Path) -> None:
     (tmp_path / "anna").mkdir()
     (tmp_path / "anna" / FILE).write_text("{", encoding="utf-8")
@@ -138,7 +136,6 @@ def test_a_robot_whose_run_tells_nonsense_is_seen_without_it(odd: Telemetry, tmp
     assert seen.mission in {"", "gr\u00fc\u00df[2J"}
 
 
-@pytest.mark.real_time
 def test_two_robots_with_one_number_as_of_a_copied_card_take_no_task_and_are_told_of(
     fleet: FleetKeys, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -206,7 +203,6 @@ def test_without_keys_nothing_leaves_this_computer(endpoint: str, why: str, tmp_
             load_fleet(file)
 
 
-@pytest.mark.real_time
 def test_with_keys_of_one_authority_robots_meet_and_a_stranger_does_not(tmp_path: Path) -> None:
     for each in ("fleet", "other"):
         authority(tmp_path, each)

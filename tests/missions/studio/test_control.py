@@ -196,7 +196,6 @@ def test_mission_stop_without_a_run_says_so(capsys: pytest.CaptureFixture[str]) 
     assert (missing.code, missing.err) == (1, "no run greet: `mission stop --list` lists what runs\n")
 
 
-@pytest.mark.real_time
 def test_a_run_that_hangs_is_stopped_all_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "hang.py").write_text(
         "import time\nfrom behaviours.leaf import Leaf\nfrom py_trees.common import Status\n"
@@ -215,7 +214,6 @@ def test_a_run_that_hangs_is_stopped_all_the_same(tmp_path: Path, capsys: pytest
         wait_until(lambda: process.process.poll() is not None, 30.0)
 
 
-@pytest.mark.real_time
 def test_a_run_whose_connections_are_all_taken_is_stopped_all_the_same(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -129,7 +129,6 @@ def test_a_websocket_opens_with_a_cookie_and_its_own_page_alone(served: Served) 
         assert json.loads(client.recv(timeout=PATIENCE))["role"] == "viewer"
 
 
-@pytest.mark.real_time
 def test_after_many_wrong_tokens_the_right_one_still_opens() -> None:
     with studio() as served:
         cookie = served.cookie(served.operator)

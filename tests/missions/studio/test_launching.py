@@ -50,7 +50,6 @@ def test_a_run_is_recorded_and_where_it_cannot_be_it_goes_on_and_says_so(served:
         assert said_at_its_start() == f"mission: not recorded: {records_folder()}: File exists"
 
 
-@pytest.mark.real_time
 def test_a_robot_that_another_run_has_is_said_to_be_in_use_and_by_whom(served: Served, tmp_path: Path) -> None:
     with run_of(tmp_path) as (first, base), served.client(served.operator) as client:
         port = f"port: {base.port}"

@@ -180,7 +180,6 @@ def test_what_is_in_the_link_is_only_text(started: list[str]) -> None:
         assert "<script>" not in files()[0].read_text(encoding="utf-8")
 
 
-@pytest.mark.real_time
 def test_the_browser_is_led_in_once_and_the_file_is_gone(browser: Browser, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("BROWSER", "true %s")  # it is started, and does nothing
     with studio("--open") as served:

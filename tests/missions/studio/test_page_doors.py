@@ -141,7 +141,6 @@ def test_pictures_with_wrong_tokens_shut_nobody_out(browser: Browser, served: Se
     wait_until(lambda: signed_in(tab))
 
 
-@pytest.mark.real_time
 def test_stop_works_while_pages_of_others_try_tokens(browser: Browser, served: Served, beside: Neighbour) -> None:
     storm = f"new Image().src = 'http://{served.host}/?token=' + Math.random()"
     beside.page = f"<!doctype html><script>setInterval(() => {{ {storm} }}, 2)</script>"
@@ -155,7 +154,6 @@ def test_stop_works_while_pages_of_others_try_tokens(browser: Browser, served: S
     page.wait_for("Nothing runs: there was nothing to stop.")
 
 
-@pytest.mark.real_time
 @pytest.mark.parametrize("what", ["say nothing", "ask with a wrong token"])
 def test_the_page_comes_in_and_its_stop_works_while_many_do_this(browser: Browser, what: str) -> None:
     with studio() as served:

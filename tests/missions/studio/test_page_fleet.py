@@ -1,7 +1,5 @@
 """The page's stop of a fleet: only robots that have confirmed it count."""
 
-import pytest
-
 from config.defaults import config_folder
 from tests.browser import Browser
 from tests.missions.service.fleets import free_port, router
@@ -9,7 +7,6 @@ from tests.missions.studio.page import Page
 from tests.missions.studio.serving import studio
 
 
-@pytest.mark.real_time
 def test_a_stop_of_a_fleet_without_robots_is_not_told_as_one(browser: Browser) -> None:
     port = free_port()
     config_folder().mkdir(parents=True)

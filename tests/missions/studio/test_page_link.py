@@ -240,7 +240,6 @@ def test_the_camera_is_asked_for_only_while_somebody_looks(browser: Browser, ser
         wait_until(lambda: pictures() == 0)
 
 
-@pytest.mark.real_time
 def test_who_drives_is_asked_for_the_wheels_and_hands_them_over(
     browser: Browser, served: Served, tmp_path: Path
 ) -> None:

@@ -183,7 +183,6 @@ def test_the_users_default_says_whether_runs_are_recorded_and_the_environment_go
     assert (ring.wanted(), ring.wanted(simulated=True)) == (robot, simulated)
 
 
-@pytest.mark.real_time
 def test_a_run_on_a_robot_is_recorded_unless_somebody_says_no(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

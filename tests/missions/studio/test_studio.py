@@ -113,7 +113,6 @@ def test_a_viewer_stops_and_an_operator_releases(served: Served, tmp_path: Path)
         assert served.operator not in log
 
 
-@pytest.mark.real_time
 def test_one_drives_at_a_time_and_hands_over_when_asked(scene: tuple[Served, Process, LoneBase]) -> None:
     served, process, _ = scene
     with ExitStack() as ends:

@@ -33,7 +33,6 @@ def surrounded(sound: Samples) -> Samples:
     return dithered(clarified(np.concatenate([quiet, sound, quiet]), quiet), 20.0)
 
 
-@pytest.mark.real_time
 def test_the_word_that_was_said_wins_and_stands_once(model: AcousticModel) -> None:
     pytest.importorskip("espeakng_loader")
     arena = Contest(model, [*((word, ways.split()) for word, ways in WAYS.items()), ("stop", ["S", "T", "AO", "P"])])

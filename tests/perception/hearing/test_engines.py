@@ -200,7 +200,6 @@ def test_a_word_is_no_surer_than_the_decoys_leave_it() -> None:
     assert weighed(3.0, -BEATEN - 20) < 0
 
 
-@pytest.mark.real_time
 def test_pocketsphinx_hears_no_phrase_in_noise_and_says_what_that_cost() -> None:
     pytest.importorskip("pocketsphinx")
     lexicon = english()

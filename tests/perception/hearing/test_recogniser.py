@@ -57,7 +57,6 @@ def test_the_contest_decides_between_single_words_and_weighs_each_word_of_longer
     assert longer["margin"] > -BEATEN
 
 
-@pytest.mark.real_time
 def test_words_that_sound_a_little_like_a_phrase_fit_worse_than_common_words() -> None:
     pytest.importorskip("espeakng_loader")
     recogniser, quiet = listening("go forward"), np.zeros(RATE // 3)

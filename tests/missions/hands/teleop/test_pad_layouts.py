@@ -124,7 +124,6 @@ def test_a_pad_that_nobody_knows_is_refused_with_the_reason_and_what_to_type(
     assert unknown.push() is None
 
 
-@pytest.mark.real_time
 def test_beside_a_mission_a_pad_that_is_refused_is_reported_once_and_commands_nothing(
     hand: Callable[..., InHand],
 ) -> None:

@@ -137,7 +137,6 @@ def test_over_a_line_whose_delay_nobody_can_know_keys_drive_only_if_that_is_said
         wait_until(lambda: terminal.hold() and terminal.shows("+0.25 m/s"), pause=0.02)
 
 
-@pytest.mark.real_time
 def test_a_signal_ends_it_with_the_base_at_rest() -> None:
     with driving() as (terminal, base):
         terminal.process.send_signal(signal.SIGTERM)
@@ -145,7 +144,6 @@ def test_a_signal_ends_it_with_the_base_at_rest() -> None:
         wait_until(lambda: not base.seen().moving)
 
 
-@pytest.mark.real_time
 def test_a_reader_of_its_output_that_goes_ends_it() -> None:
     master, slave = pty.openpty()
     process = subprocess.Popen(
@@ -164,7 +162,6 @@ def test_a_reader_of_its_output_that_goes_ends_it() -> None:
     os.close(master)
 
 
-@pytest.mark.real_time
 def test_a_line_that_breaks_ends_it_with_the_base_at_rest() -> None:
     with driving() as (terminal, base):
         terminal.hang_up()

@@ -318,7 +318,6 @@ def test_a_writer_that_never_comes_back_is_ended(tmp_path: Path, monkeypatch: py
     assert not Path(f"/proc/{number}").exists()
 
 
-@pytest.mark.real_time
 def test_when_the_writer_is_killed_the_run_goes_on_and_is_told(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with recording(path) as (recorder, told):

@@ -177,7 +177,6 @@ def test_todays_eyes_find_what_was_found_then(pictured: Record) -> None:
     assert re.search(r"\d+ pictures searched again: 1 found as then, 0 lost, 0 new\n  found  face", result.output)
 
 
-@pytest.mark.real_time
 def test_keys_play_it_at_a_terminal(greeted: Record) -> None:
     master, slave = pty.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120", "LINES": "40"}

@@ -173,7 +173,6 @@ def test_ctrl_c_ends_the_run_as_ever_and_once_more_does_no_harm(begin: Begin) ->
     assert termios.tcgetattr(screen.slave) == screen.before
 
 
-@pytest.mark.real_time
 @pytest.mark.timeout(400)
 def test_a_terminal_that_takes_nothing_holds_up_no_tick(begin: Begin) -> None:
     screen = begin(speed=3.0, patience="")
