@@ -66,6 +66,7 @@ cases:
 """
 
 
+@pytest.mark.usefixtures("here")
 def test_the_mission_that_ships_walks_round_a_small_square_in_physics(tmp_path: Path) -> None:
     (tmp_path / "square.test.yaml").write_text(SQUARE)
     said = CliRunner().invoke(mission, ["test", str(tmp_path / "square.test.yaml"), "--physics", "-j", "1"])

@@ -23,10 +23,6 @@ from _pytest.mark import ParameterSet
 from missions.cli.root import guarded, mission
 from missions.library.drivers import load_robot
 from missions.library.shipped import load_mission
-from missions.plugins.testing.play import play
-from missions.plugins.testing.report import failure
-from missions.plugins.testing.stage import IN_PROCESS
-from missions.plugins.testing.suite import load_suite
 from tests.missions.command import Process, command
 from tests.perception.people_drawn import pictures
 
@@ -203,12 +199,6 @@ def test_the_files_that_the_readme_shows_load(folder: Path) -> None:
     shown, shipped = load_mission(str(folder / "greet.yaml")), load_mission("greet")
     assert [step.kind for step in shown.tree.walk()] == [step.kind for step in shipped.tree.walk()]
     assert shown.params == shipped.params
-
-
-def test_the_tests_that_the_readme_shows_pass(folder: Path) -> None:
-    verdicts = [play(case, limits=IN_PROCESS) for case in load_suite(folder / "greet.test.yaml")]
-    assert verdicts
-    assert [failure(verdict) for verdict in verdicts if not verdict.passed] == []
 
 
 def test_the_error_that_the_readme_shows_is_the_real_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
