@@ -54,7 +54,7 @@ def test_own_missions_come_first_under_their_names(here: Path) -> None:
 
 
 def test_own_robots_and_worlds_of_the_users_folders_are_offered(here: Path) -> None:
-    shipped = Path(library.__file__).parents[2] / "config"
+    shipped = Path(library.__file__).parents[3] / "config"
     robot = (shipped / "robots" / "turtlebot2.yaml").read_text(encoding="utf-8")
     world = next((shipped / "worlds").glob("*.yaml"))
     write(config_folder() / "robots" / "homebot.yaml", robot)
