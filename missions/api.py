@@ -207,17 +207,23 @@ def run(
     behaviours: Iterable[str | Path] = (),
     eyes: Literal["pixels", "truth"] = "pixels",
     speed: float = math.inf,
+    physics: bool = False,
+    until: float | None = None,
+    ros2_domain: int | None = None,
     listeners: Sequence[Listener] = (),
     without_stop: bool = False,
 ) -> Result:
     """Run a mission to its end and return how that was, as ``mission run`` does, with the same options.
+
+    ``missions.request.RunRequest`` declares the options, with their bounds; ``until`` is in s.
 
     Simulated unless ``robot`` is named; ``simulate="fast"`` is simulated time, without waiting. ``mission stop`` stops
     it from any terminal. On the main thread, Ctrl-C and its like end it safely, and a signal that a hanging leaf keeps
     from being heard ends the process, with the robot at rest. A leaf that hangs without a signal is waited for, with
     the robot kept still. A robot does not move where ``mission stop`` cannot reach the run, unless ``without_stop``.
 
-    Raises ValueError for arguments that contradict each other, such as a camera in simulated time; InvalidFileError,
+    Raises ValueError for arguments that are out of bounds, or that contradict each other, such as a camera in
+    simulated time; InvalidFileError,
     UnknownNameError, or a drivers.errors.DriverError such as NotConnected.
     """
     order = RunRequest(
@@ -232,6 +238,9 @@ def run(
         [Path(file) for file in behaviours],
         eyes=eyes,
         speed=speed,
+        physics=physics,
+        until=until,
+        ros2_domain=ros2_domain,
         without_stop=without_stop,
     )
     if why := "; ".join(contradictions(order, _argument, ports_of)):
@@ -255,7 +264,7 @@ def _reachable(runner: Runner, pictures: Pictures) -> Iterator[None]:
 
 def _argument(name: str, value: str = "") -> str:
     """Return how an argument of ``run`` is written."""
-    return f'{name}="{value}"' if value else {"port": "ports"}.get(name, name)
+    return f'{name}="{value}"' if value else {"port": "ports"}.get(name, name.replace("-", "_"))
 
 
 def _level(simulate: bool | Simulate) -> Simulate | None:

@@ -7,11 +7,14 @@ from functools import partial
 from math import inf
 from typing import TYPE_CHECKING
 
+from py_trees.common import Status
+
 from behaviours.leaf import Leaf
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import Run, log
 from config.robot import RobotConfig
+from config.units import written
 from drivers.api.sections import Wired
 from drivers.clock import Clock, SystemClock
 from missions.assembly.assembled import Assembled
@@ -107,6 +110,16 @@ class Runner:
         self._signals = Signals(self._request_stop, with_socket=self._is_watched)
         self._lifeline = Lifeline(self._signals)
 
+    def _end(self, time: float) -> None:
+        """Stop a run that still goes on at ``time`` (s), and name the leaves that are running."""
+        leaves = [
+            f"{node.name} (line {node.line})"
+            for node in self.root.iterate()
+            if isinstance(node, Leaf) and node.status is Status.RUNNING
+        ]
+        reason = f"still running after {written(time, 'duration')} of simulated time: {', '.join(leaves)}"
+        self.executive.stop(reason)
+
     def _watchdog(self, limits: Limits | None) -> Watchdog:
         """Return who keeps the robot still while a tick hangs."""
         return Watchdog(
@@ -143,6 +156,8 @@ class Runner:
         )
         if self.paused_pace is not None:
             executive.idle = self.paused_pace
+        if self.order.until is not None and self.twins is not None:
+            self.twins.timeline.at(self.order.until, partial(self._end, self.order.until))
         return root, executive
 
     def _real(self, order: RunRequest) -> tuple[Run, Assembled]:

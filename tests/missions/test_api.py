@@ -1,6 +1,7 @@
 """MissionTree from Python, as ``missions`` documents it."""
 
 import doctest
+import inspect
 import os
 import re
 import signal
@@ -17,7 +18,9 @@ from behaviours.robot import Robot
 from drivers.errors import BadRequest
 from missions.executive.events import CommandSent, Ended, Event, NodeChanged, Started, Ticked
 from missions.executive.executive import Result
+from missions.options import options_of
 from missions.plugins.testing.recorders import STOP, Bench
+from missions.request import RunRequest
 from tests.missions.command import PATIENCE, command
 from tests.missions.lone_base import LONE_ROBOT, lone_base
 from tests.missions.studio.running import DRIVING, WAITING, found_of
@@ -227,3 +230,33 @@ def test_a_mission_ticked_by_hand_is_stopped_and_released_and_ended_by_mission_s
         command(capsys, "stop", "--end")
         assert mission.tick() is not Status.RUNNING
     assert found_of(os.getpid()) == []
+
+
+def test_the_options_of_a_run_are_arguments_with_the_declared_defaults() -> None:
+    arguments = inspect.signature(missions.run).parameters
+    for option in options_of(RunRequest):
+        assert option.name in arguments, option.name
+        default = arguments[option.name].default
+        assert (default or None) == (option.default or None), option.name
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ({"seed": -1}, "seed: must be at least 0, got -1"),
+        ({"speed": -1.0, "simulate": "fast"}, "speed: must be from 0.001 to 10000, got -1.0"),
+        ({"eyes": "blurred", "simulate": "fast"}, "eyes: must be one of pixels, truth, got 'blurred'"),
+        ({"ros2_domain": 233}, "ros2_domain: must be from 0 to 232, got 233"),
+        ({"seed": "two"}, "seed: must be a number, got 'two'"),
+        ({"until": 5.0}, "until are for simulated time"),
+    ],
+)
+def test_a_value_out_of_its_declared_bounds_is_refused(options: dict[str, Any], why: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(why)):
+        missions.run("greet", **options)
+
+
+def test_until_ends_a_run_in_simulated_time(file: Path) -> None:
+    file.write_text("mission: m\ntree:\n  wait: 1 min\n")
+    result = missions.run(file, simulate="fast", until=2.0)
+    assert (result.result, result.reason) == ("interrupted", "still running after 2 s of simulated time: wait (line 3)")

@@ -10,6 +10,7 @@ import pytest
 
 from drivers.servos.units import baud_code
 from drivers.transport.ports import open_port
+from missions.plugins.setup.servo.info import info
 from tests.missions.command import Outcome, Process, command
 from tests.missions.servo_bench import Three, patient, three
 from tests.waiting import wait_until
@@ -362,3 +363,24 @@ def test_what_is_done_to_simulated_servos_is_said_to_be(line: str, capsys: pytes
 def test_what_is_done_to_real_servos_is_not_called_simulated(servo: Servo) -> None:
     assert servo("info").err == ""
     assert servo("info", "--simulate").err == "simulated servos, as --simulate asks\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "rate"), [("--watch elbow", 5.0), ("elbow --watch", 5.0), ("--watch 20 elbow", 20.0)]
+)
+def test_watch_takes_the_next_word_only_if_it_is_a_rate(words: str, rate: float) -> None:
+    context = info.make_context("info", words.split())
+    assert (context.params["rate"], context.params["servos"]) == (rate, ("elbow",))
+
+
+@pytest.mark.parametrize("number", ["-1", "254", "300"])
+def test_an_id_that_no_servo_can_have_is_refused(servo: Servo, number: str) -> None:
+    outcome = servo("set", "2", "id", number, "--yes")
+    assert (outcome.code, "they go from 0 to 253" in outcome.err) == (2, True), outcome.err
+
+
+@pytest.mark.parametrize(
+    "words", [("torque", "restart"), ("torque", "restart", "elbow", "wrist"), ("torque", "recover", "elbow")]
+)
+def test_forms_of_torque_that_name_the_wrong_number_of_servos_are_refused(servo: Servo, words: tuple[str, ...]) -> None:
+    assert servo(*words).code == 2

@@ -2,17 +2,20 @@
 
 import json
 import re
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
 from math import degrees
 
 import click
 from rich.live import Live
 from rich.text import Text
 
-from drivers.errors import BadRequest
+from drivers.api import JointState
+from drivers.errors import BadRequest, NoReply
+from drivers.servos.bus import Bus
+from drivers.servos.joint import Joint
 from drivers.servos.models import Model
-from drivers.servos.register import Register
+from drivers.servos.register import Block, Register
 from drivers.servos.units import baud_of, called
 from missions.cli.columns import in_columns
 from missions.cli.commands import SharingCommand
@@ -20,26 +23,53 @@ from missions.cli.console import console
 from missions.cli.numbers import InUnit
 from missions.cli.root import FAILURE, SUCCESS
 from missions.plugins.setup.servo.bench import Bench, opened_bus, pause
-from missions.plugins.setup.servo.reading import Felt, feel, table_of
 from missions.plugins.setup.servo.target import Target, target_options
 
 HEADINGS = ("address", "register", "value", "meaning", "delivered", "kept in")
+
+USUAL_RATE = "5Hz"
+"""How often joints are shown with ``--watch``, unless a rate is given."""
+
+JOINT_HEADINGS = ("joint", "id", "position", "goal", "error", "speed", "load", "volts", "degC", "torque", "")
+"""What the table of joints shows; angles in degrees."""
 
 _STEP = re.compile(r"([0-9.]+) (\S+)")
 """What one step of a register is worth, as ``0.1 V``."""
 
 
-@click.command(cls=SharingCommand, epilog="Example: mission servo info elbow")
+@dataclass(frozen=True, slots=True)
+class Felt:
+    """What one joint felt a moment ago; None where its servo did not answer. ``remark`` is what is the matter."""
+
+    joint: Joint
+    state: JointState | None
+    remark: str = ""
+
+
+class InfoCommand(SharingCommand):
+    """A command whose ``--watch`` takes the next word only if that is a rate, and no joint."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Read the arguments."""
+        following = [*args[1:], ""][: len(args)]
+        return super().parse_args(
+            ctx,
+            [
+                f"{word}={USUAL_RATE}" if word == "--watch" and not follows[:1].isdigit() else word
+                for word, follows in zip(args, following, strict=True)
+            ],
+        )
+
+
+@click.command(cls=InfoCommand, epilog="Example: mission servo info elbow")
 @target_options
 @click.argument("servos", nargs=-1, metavar="[ID|JOINT|GROUP]...")
 @click.option(
     "--watch",
     "rate",
     type=InUnit("Hz", 0.1, 50.0),
-    is_flag=False,
-    flag_value="5",
     metavar="[RATE]",
-    help="Show the joints again and again, so often: 5 Hz, if no rate is given.",
+    help=f"Show the joints again and again, so often: {USUAL_RATE}, if no rate is given.",
 )
 @click.option("--json", "as_json", is_flag=True, help="As a line of JSON: registers by name; or joints, in SI units.")
 def info(target: Target, servos: tuple[str, ...], rate: float | None, as_json: bool) -> int:
@@ -55,8 +85,8 @@ def info(target: Target, servos: tuple[str, ...], rate: float | None, as_json: b
         elif len(servos) == 1 and servos[0] not in bench.groups:
             _show_registers(bench, servos[0], as_json=as_json)
         else:
-            felt = feel(bench.bus, bench.chosen(servos))
-            click.echo(_joints_as_json(bench, felt) if as_json else table_of(felt))
+            felt = _read_joints(bench.bus, bench.chosen(servos))
+            click.echo(_joints_as_json(bench, felt) if as_json else _table_of(felt))
             return SUCCESS if all(each.state is not None for each in felt) else FAILURE
     return SUCCESS
 
@@ -67,11 +97,11 @@ def _watch(bench: Bench, names: Sequence[str], period: float, *, as_json: bool) 
     with Live(console=console(), auto_refresh=False) as live:
         while True:
             begun = bench.clock.now()
-            felt = feel(bench.bus, chosen)
+            felt = _read_joints(bench.bus, chosen)
             if as_json:
                 click.echo(_joints_as_json(bench, felt))
             else:
-                live.update(Text(table_of(felt), no_wrap=True, overflow="ellipsis"), refresh=True)
+                live.update(Text(_table_of(felt), no_wrap=True, overflow="ellipsis"), refresh=True)
             pause(max(0.0, begun + period - bench.clock.now()))
 
 
@@ -127,3 +157,47 @@ def meaning(model: Model, register: Register, value: int) -> str:
     if step := _STEP.fullmatch(register.unit):
         return f"{value * float(step[1]):.4g} {step[2]}"
     return f"{value} {register.unit}" if register.unit.isalpha() else ""
+
+
+def _read_joints(bus: Bus, joints: Iterable[Joint]) -> list[Felt]:
+    """Read the joints one by one. Raises NotConnected."""
+    return [_felt(bus, joint) for joint in joints]
+
+
+def _felt(bus: Bus, joint: Joint) -> Felt:
+    """Read all from what shuts it down to the last of the readings, in one transaction."""
+    table = joint.model.table
+    start = table["shutdown"].address
+    whole = Block(start, max(table[name].end for name in ("present_temperature", "moving")) - start)
+    try:
+        joint.take(whole, bus.read_block(joint.at, whole.address, whole.size, tries=2))
+    except (NoReply, BadRequest):
+        return Felt(joint, None, "no reply")
+    joint.torque = bool(joint.value("torque_enable"))
+    joint.goal = joint.angle(joint.value(table.goal)) if joint.torque else None
+    remarks = [bus.faults(joint.spec.id).words, "has shut down" if joint.down else ""]
+    return Felt(joint, joint.state(), ", ".join(word for word in remarks if word))
+
+
+def _table_of(felt: Iterable[Felt]) -> str:
+    """Return the joints as a table."""
+    return in_columns(JOINT_HEADINGS, [_joint_row(each) for each in felt], left=frozenset({"joint", "torque", ""}))
+
+
+def _joint_row(felt: Felt) -> list[str]:
+    state, name, servo = felt.state, felt.joint.name, str(felt.joint.spec.id)
+    if state is None:
+        return [name, servo, *["-"] * 8, felt.remark]
+    return [
+        name,
+        servo,
+        f"{degrees(state.position):+.1f}",
+        "-" if state.goal is None else f"{degrees(state.goal):+.1f}",
+        "-" if state.error is None else f"{degrees(state.error):+.1f}",
+        f"{degrees(state.velocity):+.0f}",
+        f"{state.load:+.0%}",
+        f"{state.voltage:.1f}",
+        f"{state.temperature:.0f}",
+        "stiff" if state.torque else "limp",
+        felt.remark,
+    ]

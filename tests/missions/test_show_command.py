@@ -1,0 +1,66 @@
+"""``mission show``: which kind of thing a name means, and which options fit it."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from config.library import find
+from tests.missions.command import command
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("greet",), "track_face"),
+        (("dock",), "dock as charge"),
+        (("behaviour", "dock"), "claims:"),
+        (("find_face",), "arguments:"),
+        (("if",), "if: "),
+        (("party",), "To draw it: mission show party"),
+        (("world", "party"), "To draw it: mission show party"),
+        (("stroll",), "within its soles"),
+        (("1",), "drive"),
+    ],
+)
+def test_a_name_is_shown_by_its_kind(words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    outcome = command(capsys, "show", *words)
+    assert outcome.code == 0, outcome.err
+    assert told in outcome.out
+
+
+def test_a_file_is_shown_by_its_keys(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("here.yaml").write_text(find("worlds", "empty").read_text())
+    assert "To draw it: mission show here.yaml" in command(capsys, "show", "here.yaml").out
+    Path("party.yaml").write_text("mission: party\ntree:\n  succeed\n")
+    assert "succeed" in command(capsys, "show", "party.yaml").out
+
+
+def test_a_behaviour_is_shown_as_json_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
+    (shown,) = json.loads(command(capsys, "show", "behaviour", "drive", "--format", "json").out)
+    assert shown["claims"] == ["base"]
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (("greet", "--camera"), "--camera is for a world, and 'greet' is a mission"),
+        (("party", "--format", "json"), "and 'party' is a world"),
+        (("behaviour", "dock", "-o", "dock.svg"), "--output is for a"),
+        (("stroll", "--fold", "0"), "and 'stroll' is a gait"),
+        (("drive", "--format", "svg"), "a behaviour is shown as text or as json"),
+        (("greet", "--at", "5 s"), "a mission has no moments"),
+        (("world", "greet"), "unknown world 'greet'"),
+        (("planet", "greet"), "mission show {mission|record|behaviour|world|gait} NAME"),
+        (("prty",), "did you mean 'party'?"),
+        (("strol",), "did you mean 'stroll'?"),
+        (("gret",), "did you mean 'greet'?"),
+    ],
+)
+def test_what_does_not_fit_is_refused(words: tuple[str, ...], why: str, capsys: pytest.CaptureFixture[str]) -> None:
+    outcome = command(capsys, "show", *words)
+    assert outcome.code == 2
+    assert why in outcome.err
