@@ -30,6 +30,7 @@ from drivers.api.gait import GaitKeys
 from drivers.clock import ManualClock
 from drivers.table import HOUSE
 from missions.cli.commands import COMMANDS as MISSION_COMMANDS
+from missions.cli.commands import OLD_NAMES
 from missions.cli.declared import DeclaredOption
 from missions.cli.run import command as run
 from missions.codec import members
@@ -170,6 +171,14 @@ def commands() -> str:
     return table(("group", "command", "what it does"), rows)
 
 
+def old_names() -> str:
+    """Return the table of the names that commands had before."""
+    rows = (
+        (code(f"mission {old}"), code(new if "make" in new else f"mission {new}")) for old, new in OLD_NAMES.items()
+    )
+    return table(("before", "now"), rows)
+
+
 def run_options() -> str:
     """Return the table of the options of `mission run`, from their declarations."""
     found = [each.declared for each in run.params if isinstance(each, DeclaredOption) and not each.hidden]
@@ -237,6 +246,7 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "object_keys": partial(keys_table, ObjectKeys),
     "claims": claims.claims,
     "commands": commands,
+    "old_names": old_names,
     "run_options": run_options,
     "failsafe": failsafe,
     "gallery": dumps.gallery,
