@@ -269,7 +269,7 @@ def test_every_command_that_reads_missions_takes_them(capsys: pytest.CaptureFixt
 
 
 @pytest.mark.usefixtures("folder")
-@pytest.mark.parametrize("words", [("check",), ("show", "greet"), ("behaviours",), ("run", "greet")])
+@pytest.mark.parametrize("words", [("check",), ("show", "greet"), ("list", "behaviours"), ("run", "greet")])
 def test_a_broken_file_is_a_mistake_of_the_user_and_no_traceback(
     words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
