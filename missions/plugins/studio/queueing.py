@@ -54,7 +54,7 @@ def add_task(command: Command) -> Json:
 
 def cancel_task(command: Command) -> Json:
     """Answer `cancel_task`."""
-    return {"message": _task("cancel", str(command.task if isinstance(command, CancelTask) else 0))}
+    return {"message": _task("remove", str(command.task if isinstance(command, CancelTask) else 0))}
 
 
 def approve_task(command: Command) -> Json:

@@ -68,7 +68,7 @@ def user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
 @pytest.fixture
 def server(user: User) -> Iterator[Process]:
     """A server of the user's, which the test ends; with whatever it runs, it is gone then."""
-    process = Process("serve")
+    process = Process("task", "serve")
     try:
         yield process
     finally:
@@ -93,7 +93,7 @@ def test_a_task_is_moved_before_another_while_it_waits(user: User) -> None:
     user.add()
     assert user.task("move", "2", "--priority", "5").out == "task 2 has priority 5\n"
     assert [task["id"] for task in user.tasks()] == [2, 1]
-    user.task("cancel", "1")
+    user.task("remove", "1")
     assert user.task("move", "1", "--priority", "5").err.startswith("Error: task 1 does not wait: it is cancelled")
     assert "there is no task 9" in user.task("move", "9", "--priority", "5").err
 
@@ -119,7 +119,7 @@ def test_a_task_is_added_listed_cancelled_and_logged(user: User) -> None:
     listed = user.task("list").out.splitlines()
     assert listed[1].split()[:4] == ["1", "waiting", "2126-12-24", "18:00:00"]
     assert "to=Ana time=0 s" in listed[1]
-    assert user.task("cancel", "1").out == "task 1 is cancelled\n"
+    assert user.task("remove", "1").out == "task 1 is cancelled\n"
     assert user.task("list").out == "no tasks wait; --all shows those that have ended\n"
     assert user.task("log", "1").out.splitlines()[0] == "task 1: tell, cancelled: somebody cancelled it"
     assert json.loads(user.task("log", "1", "--json").out)["task"]["state"] == "cancelled"
@@ -217,7 +217,7 @@ def test_a_mission_that_lacks_a_param_is_refused(user: User) -> None:
     assert (refused.code, "to" in refused.err) == (2, True)
 
 
-@pytest.mark.parametrize("words", [["cancel", "3"], ["log", "3"]])
+@pytest.mark.parametrize("words", [["remove", "3"], ["log", "3"]])
 def test_a_task_that_is_not_there_is_an_error(user: User, words: list[str]) -> None:
     outcome = user.task(*words)
     assert (outcome.code, outcome.err) == (2, "Error: there is no task 3\n  try: mission task list --all\n")
@@ -263,7 +263,7 @@ def test_a_server_that_is_killed_leaves_no_run_and_the_next_one_tells_it(user: U
 def test_a_run_is_cancelled_safely_while_the_server_goes_on(user: User, server: Process) -> None:
     user.add(time="600 s")
     server.wait_for_line(lambda line: "looking for Ana" in line, seconds=60.0)
-    assert user.task("cancel", "1").out == "task 1 is being stopped\n"
+    assert user.task("remove", "1").out == "task 1 is being stopped\n"
     wait_until(lambda: user.state_of(1) == "cancelled", 60.0)
     user.add()
     wait_until(lambda: user.state_of(2) == "done", 60.0)
