@@ -3,6 +3,7 @@
 from math import cos, inf, sin
 
 from drivers.api import STILL, BaseState, Odometers, Pose2D, Velocity
+from drivers.base.gyro_bias import GyroBias
 
 MIN_TURN = 1e-9
 """Radians below which a path is straight."""
@@ -36,6 +37,38 @@ class Reckoning:
         x, y, heading = self.pose.x, self.pose.y, self.pose.heading
         along = heading + turn / 2
         self.pose = Pose2D(x + chord * cos(along), y + chord * sin(along), heading + turn)
+
+
+class GyroOdometry:
+    """Odometry of two wheel encoders and a gyro. Not thread-safe.
+
+    Distances come from the wheels, ``track`` metres apart, headings from the gyro without its bias. ``commanded`` is
+    whether the velocity that was last sent is not zero.
+    """
+
+    def __init__(self, track: float) -> None:
+        self.pose = Pose2D(0.0, 0.0, 0.0)
+        self.velocity = STILL
+        self.commanded = False
+        self.bias = GyroBias()
+        self.odometers = Odometers(0.0, 0.0, 0.0, 0.0)
+        self._track = track
+
+    def add(self, left: float, right: float, turn: float, rate: float, seconds: float) -> None:
+        """Add the motion between two reports: travel of both wheels (m), turn (rad) and turn rate (rad/s) of the gyro.
+
+        ``seconds`` is the time between, by the clock of the base.
+        """
+        before = self.odometers
+        counted, gyro = (before.left + left, before.right + right), (before.gyro or 0.0) + turn
+        self.odometers = Odometers(*counted, (counted[1] - counted[0]) / self._track, gyro)
+        travel, still = (left + right) / 2, left == right == 0.0 and not self.commanded
+        turn, rate = self.bias.correct(turn, rate, seconds, still=still)
+        along = self.pose.heading + turn / 2  # the chord of the arc
+        x, y = self.pose.x + travel * cos(along), self.pose.y + travel * sin(along)
+        self.pose = Pose2D(x, y, self.pose.heading + turn)
+        if seconds > 0:
+            self.velocity = Velocity(travel / seconds, rate)
 
 
 class TwoWheels:

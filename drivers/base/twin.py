@@ -1,8 +1,8 @@
-"""The twin of a Kobuki: the real driver's rules and odometry over a simulated body, in one thread."""
+"""Simulated base: the rules of the drivers over a simulated body, in one thread."""
 
 from collections.abc import Collection
 from dataclasses import replace
-from math import degrees, inf
+from math import degrees, inf, radians
 from random import Random
 from typing import Any, Protocol, Unpack
 
@@ -12,6 +12,7 @@ from drivers.api import (
     DeviceStatus,
     Health,
     Lamp,
+    Odometers,
     Pose2D,
     Quality,
     Reading,
@@ -19,18 +20,18 @@ from drivers.api import (
     Tune,
     Velocity,
 )
-from drivers.base.arbitrated import ArbitratedBase, BaseSettings
+from drivers.api.sections import BaseKeys
+from drivers.base.arbitrated import ArbitratedBase, BaseSettings, settings_of
 from drivers.base.changes import BACKUP_LIMIT
+from drivers.base.gyro_bias import GyroBias
 from drivers.base.progress_monitor import Instruments
+from drivers.base.reckoning import GyroOdometry, Reckoning, TwoWheels
 from drivers.base.requests import LIGHTS, check_light, check_tone
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.kobuki.commands import BaseControl
-from drivers.kobuki.driver import OFFLINE_AFTER, STALE_AFTER
-from drivers.kobuki.feedback import Core, Inertia
-from drivers.kobuki.odometry import Odometry
-from drivers.sim.body import NOTHING, Body, either
+from drivers.sim.body import ENCODER_STEP, NOTHING, Body, either
 from drivers.sim.plug import Plug
+from drivers.sim.stage import Stage
 from drivers.sim.things import NO_SIGNALS
 from drivers.sim.wheels import DelayLine
 
@@ -70,52 +71,207 @@ class PanelTwin:
 Contacts = tuple[Sides, Sides, Sides, frozenset[str], frozenset[int], bool]
 """Bumper, cliff, wheel drop, other hazards, buttons, and whether it stands on the contacts of its dock."""
 
+NO_CONTACTS: Contacts = (NOTHING, NOTHING, NOTHING, frozenset(), frozenset(), False)
+NOWHERE = Pose2D(0.0, 0.0, 0.0)
+
+PERIOD = 0.02
+"""Seconds between two reports."""
+
+STALE_AFTER, OFFLINE_AFTER = 0.1, 0.25
+"""Seconds without a report after which the state is stale, and the base offline."""
+
+GAP = 1.0
+"""Seconds without a report after which differences of the encoders are not used."""
+
 _AT_BACKUP_LIMIT = frozenset({BACKUP_LIMIT})
 
 
-class Course(Protocol):
-    """What adds up a way, by whatever is known of it."""
+class TwinOdometry(Protocol):
+    """Motion of a simulated base as its electronics measure it."""
+
+    instruments: Instruments
 
     @property
     def pose(self) -> Pose2D:
-        """Where the base is."""
+        """The pose by odometry."""
         ...
 
-    @property
-    def velocity(self) -> Velocity:
-        """How it moves."""
+    def send(self, velocity: Velocity, now: float) -> Velocity:
+        """Note a velocity that is sent; return the velocity that reaches the motors."""
         ...
+
+    def measure(self, body: Body, late: DelayLine[Any], now: float, random: Random) -> None:
+        """Measure the motion of ``body``; ``late`` delays the measurements."""
+        ...
+
+    def pause(self) -> None:
+        """Keep the pose until the next measurement: the connection was lost."""
+        ...
+
+    def complete(self, state: BaseState) -> BaseState:
+        """Return a state with pose, velocity and odometers."""
+        ...
+
+
+class GyroTwinOdometry:
+    """Odometry of wheel encoders and a gyro, whose reports err by ``gyro_noise`` rad/s (standard deviation).
+
+    Raises ValueError for a negative noise.
+    """
+
+    instruments = Instruments("encoders", "gyro")
+
+    def __init__(self, gyro_noise: float = 0.0, track: float = 0.23) -> None:
+        if not 0 <= gyro_noise < inf:
+            raise ValueError(f"base: {gyro_noise=}: out of range")
+        self._odometry = GyroOdometry(track)
+        self._noise = gyro_noise
+        self._error = 0.0  # radians that the noise has added up to
+        self._last: tuple[int, int, int, int, int, float] | None = None
+
+    @property
+    def pose(self) -> Pose2D:
+        """The pose by odometry."""
+        return self._odometry.pose
+
+    def send(self, velocity: Velocity, now: float) -> Velocity:
+        """Note a velocity that is sent; return the velocity that reaches the motors."""
+        del now
+        self._odometry.commanded = velocity != STILL
+        return velocity
+
+    def measure(self, body: Body, late: DelayLine[Any], now: float, random: Random) -> None:
+        """Read encoders and gyro, in ticks, hundredths of a degree (per second) and milliseconds."""
+        left, right = body.encoders
+        noise = random.gauss(0.0, self._noise) if self._noise else 0.0
+        self._error += noise * PERIOD
+        heading = round(100 * degrees(body.pose.heading + self._error + body.gyro.error(now)))
+        rate = round(100 * degrees(body.velocity.angular + noise + body.gyro.rate))
+        late.put(now, (round(1000 * now), left, right, heading, rate))
+        for report in late.due(now):
+            self._take(report, now)
+
+    def _take(self, report: tuple[int, int, int, int, int], now: float) -> None:
+        time_ms, left, right, heading, rate = report
+        last, self._last = self._last, (time_ms, left, right, heading, rate, now)
+        if last is None:
+            return
+        seconds = (time_ms - last[0]) / 1000
+        if max(seconds, now - last[5]) > GAP:
+            self._odometry.velocity = STILL
+            return
+        travel = ENCODER_STEP * (left - last[1]), ENCODER_STEP * (right - last[2])
+        self._odometry.add(*travel, radians((heading - last[3]) / 100), radians(rate / 100), seconds)
+
+    def pause(self) -> None:
+        """Keep the pose until the next measurement: the connection was lost."""
+        self._last, self._odometry.velocity = None, STILL
+
+    def complete(self, state: BaseState) -> BaseState:
+        """Return a state with pose, velocity and odometers."""
+        odometry = self._odometry
+        return replace(
+            state,
+            pose=odometry.pose,
+            velocity=odometry.velocity,
+            settling=odometry.bias.settling,
+            odometers=odometry.odometers,
+        )
+
+
+class WheelTwinOdometry:
+    """Odometry of wheel speeds, or of the velocities that are sent if ``reckoned``; with a ``gyro``, it corrects turns.
+
+    The ``wheels`` limit the velocity.
+    """
+
+    instruments = Instruments("encoders", "encoders")
+
+    def __init__(self, wheels: TwoWheels, *, reckoned: bool, gyro: bool = False) -> None:
+        self._wheels, self._reckoned, self._gyro = wheels, reckoned, gyro
+        self._bias = GyroBias(encoders=False)
+        self._commanded = False
+        self._reckoning = Reckoning()
+        self._odometers: Odometers | None = None
+
+    @property
+    def pose(self) -> Pose2D:
+        """The pose by odometry."""
+        return self._reckoning.pose
+
+    def send(self, velocity: Velocity, now: float) -> Velocity:
+        """Note a velocity that is sent; return the velocity that reaches the motors."""
+        self._commanded = velocity != STILL
+        given = self._wheels.within(velocity)
+        if self._reckoned:
+            self._reckoning.advance(now, given)
+        return given
+
+    def measure(self, body: Body, late: DelayLine[Any], now: float, random: Random) -> None:
+        """Read the wheel speeds, whether the wheels slip or not."""
+        del random
+        if self._reckoned:
+            self._reckoning.advance(now)
+            return
+        left, right = body.counters.speeds
+        drift = body.gyro.rate if self._gyro else 0.0
+        late.put(now, (now, Velocity((left + right) / 2, (right - left) / body.wheels.separation + drift)))
+        for at, rolls in late.due(now):
+            self._reckoning.advance(at, self._corrected(rolls) if self._gyro else rolls)
+        if not self._gyro:  # which sends a fused pose alone
+            left, right = body.counters.travel
+            self._odometers = Odometers(left, right, (right - left) / body.wheels.separation)
+
+    def _corrected(self, rolls: Velocity) -> Velocity:
+        """Return a velocity without the bias of the gyro."""
+        still = not self._commanded and rolls.linear == 0.0
+        turn, _ = self._bias.correct(rolls.angular * PERIOD, rolls.angular, PERIOD, still=still)
+        return Velocity(rolls.linear, turn / PERIOD)
+
+    def pause(self) -> None:
+        """Keep the pose until the next measurement: the connection was lost."""
+        self._reckoning.pause()
+
+    def complete(self, state: BaseState) -> BaseState:
+        """Return a state with pose, velocity and odometers."""
+        return replace(
+            state,
+            pose=self._reckoning.pose,
+            velocity=self._reckoning.velocity,
+            reckoned=self._reckoned,
+            settling=self._bias.settling,
+            odometers=self._odometers,
+        )
 
 
 class BaseTwin(ArbitratedBase):
-    """A ``drivers.api.Base`` made of arithmetic. ``step`` is to be called every ``PERIOD``; for one thread.
+    """Simulated base: a ``drivers.api.Base`` with a ``body`` and an ``odometry``. Call ``step`` every ``PERIOD``.
 
-    Limits as for ``KobukiBase``, and kept by the same code. Its pose is odometry, as the real one's: the encoders of
-    ``body`` and a gyro, each report of which errs by ``gyro_noise`` rad/s (standard deviation). ``dropouts`` is the
-    share 0..1 of reports that get lost. What is left to chance is drawn from ``seed``.
-    ``capabilities`` are the optional ones that it has.
-    ``changed`` is called whenever a contact, a hazard or a button changes, ``steered`` with each change of who commands
-    or of what came of it.
-    Raises ValueError for values that make no sense.
+    A base that does not ``feel`` has no contacts, one without a ``gauge`` no battery voltage. ``dropouts`` is the share
+    0..1 of lost reports, drawn from ``seed``. ``capabilities`` are its optional ones. Arbitration, limits and reflexes
+    are those of the drivers. For one thread. Raises ValueError for values out of range.
     """
 
-    PERIOD = 0.02
-    instruments = Instruments("encoders", "gyro")
+    PERIOD = PERIOD
 
     def __init__(
         self,
         clock: Clock,
         *,
+        odometry: TwinOdometry | None = None,
         body: Body | None = None,
+        feels: bool = True,
+        gauge: bool = True,
         gyro_noise: float = 0.0,
         dropouts: float = 0.0,
         seed: int = 0,
         capabilities: Collection[str] = ("sounds", "lights"),
         **settings: Unpack[BaseSettings],
     ) -> None:
-        if not (0 <= dropouts <= 1 and 0 <= gyro_noise < inf):
-            raise ValueError(f"{self.name}: {dropouts=}, {gyro_noise=}: out of range")
-        super().__init__(clock, self.instruments, **settings)
+        if not 0 <= dropouts <= 1:
+            raise ValueError(f"{self.name}: {dropouts=}: out of range")
+        self._odometry = odometry or GyroTwinOdometry(gyro_noise)
+        super().__init__(clock, self._odometry.instruments, **settings)
         self.plug = Plug(self.name, self._report, back=self._connected)
         self.panel = PanelTwin(self.name, self.plug)
         if "sounds" in capabilities:
@@ -123,15 +279,13 @@ class BaseTwin(ArbitratedBase):
         if "lights" in capabilities:
             self.lights = self.panel
         self.body = body or Body()
-        self._odometry = Odometry()
+        self._feels, self._gauge = feels, gauge
         self._random = Random(f"{seed} {self.name}")  # noqa: S311 - chance, not a secret
-        self._gyro_noise = gyro_noise
         self._dropouts = dropouts
         self.late: DelayLine[Any] = DelayLine()
         """Delays what is measured of its motion."""
-        self._gyro_error = 0.0  # radians that the noise has added up to
         self._pressed: tuple[Sides, Sides, frozenset[int]] = (NOTHING, NOTHING, frozenset())  # by hand
-        self._contacts: Contacts = (NOTHING, NOTHING, NOTHING, frozenset(), frozenset(), False)  # of the newest report
+        self._contacts: Contacts = NO_CONTACTS  # of the newest report
         self._signals = NO_SIGNALS  # of the dock, likewise
         self._felt: BaseState | None = None  # the state when they last changed; None before the first report
         self._latest: BaseState | None = None  # of the newest report, made when somebody asks
@@ -185,7 +339,7 @@ class BaseTwin(ArbitratedBase):
         elif not (self._silent or self._hears(now)):
             self._silent = True
             self._report(DeviceStatus(self.name, "offline", *self._silence()))
-        felt = self._feels(now)
+        felt = self._reflex_state(now)
         if felt is not None:
             self._mux.on_state(felt, now)
         velocity = self._mux.next_velocity(now, felt)
@@ -222,56 +376,37 @@ class BaseTwin(ArbitratedBase):
     def _connected(self) -> None:
         """Begin anew: nothing of before is in force, but the pose goes on from where it was."""
         self._mux.stop()
-        self._anchor()
+        self._odometry.pause()
         self._silent = False
         now = self._clock.now()
         self.body.advance(now)
         self._hear(now)
 
-    @property
-    def _course(self) -> Course:
-        """Where it believes to be, and to move."""
-        return self._odometry
-
-    def _anchor(self) -> None:
-        """Go on from where it was, whatever way it has made unheard."""
-        self._odometry.anchor()
-
     def _hear(self, now: float) -> None:
         """Take one report of the body."""
-        self._measure(now)
-        self._remember(now, self._course.pose)
+        self._odometry.measure(self.body, self.late, now, self._random)
+        if self._feels:
+            self._signals = self.body.signals()
+        self._remember(now, self._odometry.pose)
         self._heard_at = now
         self._mux.on_report(now)
         self._latest = None
         self._frames += 1
         self._feel()
 
-    def _measure(self, now: float) -> None:
-        """Take what encoders, gyro and infrared receivers say."""
-        left, right = self.body.encoders
-        noise = self._random.gauss(0.0, self._gyro_noise) if self._gyro_noise else 0.0
-        self._gyro_error += noise * self.PERIOD
-        gyro = self.body.gyro
-        heading = round(100 * degrees(self.body.pose.heading + self._gyro_error + gyro.error(now)))
-        rate = round(100 * degrees(self.body.velocity.angular + noise + gyro.rate))
-        core = Core(time_ms=round(1000 * now), left_encoder=left, right_encoder=right)
-        self.late.put(now, (core, Inertia(heading, rate)))
-        for core, inertia in self.late.due(now):
-            self._odometry.update(core, inertia, now)
-        self._signals = self.body.signals()
-
     def _touches(self) -> Contacts:
-        """Return what it touches now."""
+        """Return the contacts now."""
+        if not self._feels:
+            return NO_CONTACTS
         bumper, cliff, buttons = self._pressed
         body = self.body
         hazards = _AT_BACKUP_LIMIT if body.backup_limit is not None and body.backup_limit.reached else frozenset()
         return either(bumper, body.bumper), either(cliff, body.cliff), body.wheel_drop, hazards, buttons, body.docked
 
     def _obey(self, velocity: Velocity, now: float) -> None:
-        """Tell the body how to move, as the wire would."""
-        self._odometry.commanded = velocity != STILL
-        self.body.command(*BaseControl.of(velocity.linear, velocity.angular).velocity, now)
+        """Send a velocity to the body."""
+        given = self._odometry.send(velocity, now)
+        self.body.command(given.linear, given.angular, now)
 
     def _feel(self) -> None:
         """Tell what has changed of contacts and buttons, and that the base is back if it was silent."""
@@ -287,25 +422,24 @@ class BaseTwin(ArbitratedBase):
         """Return the state as of the newest report."""
         bumper, cliff, wheel_drop, hazards, buttons, docked = self._contacts
         battery = self.body.battery
-        return BaseState(
-            pose=self._course.pose,
-            velocity=self._course.velocity,
+        state = BaseState(
+            NOWHERE,
+            STILL,
             bumper=bumper,
             cliff=cliff,
             wheel_drop=wheel_drop,
             hazards=hazards,
             buttons=buttons,
-            battery_voltage=battery.voltage,
-            battery_percent=battery.told,
-            charging=battery.charging,
+            battery_voltage=battery.voltage if self._gauge else 0.0,
+            battery_percent=battery.told if self._gauge else 100.0,
+            charging=battery.charging and self._gauge,
             docked=docked,
             dock=self._signals,
             overcurrent=self.body.overcurrent,
-            settling=self._odometry.bias.settling,
-            odometers=self._odometry.odometers,
         )
+        return self._odometry.complete(state)
 
-    def _feels(self, now: float) -> BaseState | None:
+    def _reflex_state(self, now: float) -> BaseState | None:
         """Return what the reflexes go by: what it touches, and where that is while it matters."""
         if not self._hears(now):
             return None
@@ -337,3 +471,31 @@ class BaseTwin(ArbitratedBase):
     def _silence(self) -> tuple[str, str]:
         """Say what is the matter with a base that is there but does not report, and what to try."""
         return f"{self.name}: connected but silent: too many reports are lost", "lower the dropouts of the world"
+
+
+def make(keys: BaseKeys, stage: Stage, odometry: TwinOdometry | None = None) -> BaseTwin:
+    """Return the twin of a base with contacts, for any brand."""
+    return BaseTwin(
+        stage.clock,
+        odometry=odometry or GyroTwinOdometry(stage.physics.gyro_noise),
+        body=stage.body(),
+        dropouts=stage.physics.dropouts,
+        seed=stage.seed,
+        capabilities=keys.capabilities,
+        **settings_of(keys, stage),
+    )
+
+
+def make_plain(keys: BaseKeys, stage: Stage, odometry: WheelTwinOdometry, *, gauge: bool = True) -> BaseTwin:
+    """Return the twin of a base without contacts."""
+    return BaseTwin(
+        stage.clock,
+        odometry=odometry,
+        body=stage.body(),
+        feels=False,
+        gauge=gauge,
+        dropouts=stage.physics.dropouts,
+        seed=stage.seed,
+        capabilities=keys.capabilities,
+        **settings_of(keys, stage),
+    )

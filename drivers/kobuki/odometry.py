@@ -4,10 +4,10 @@ Distances come from the encoders, headings from the gyro. Frames and signs are t
 """
 
 from functools import cache
-from math import cos, radians, sin
+from math import radians
 
-from drivers.api import STILL, BaseState, DockBeam, DockSignals, Odometers, Pose2D, Sides, Velocity
-from drivers.base.gyro_bias import GyroBias
+from drivers.api import STILL, BaseState, DockBeam, DockSignals, Sides
+from drivers.base.reckoning import GyroOdometry
 from drivers.kobuki.commands import WHEEL_SEPARATION
 from drivers.kobuki.feedback import DROPPED_LEFT, DROPPED_RIGHT, METRES_PER_TICK, Core, DockInfrared, Inertia, Side
 
@@ -16,16 +16,11 @@ GAP = 1.0
 and on, which resets its counters. After 4 s at full speed they may also have wrapped."""
 
 
-class Odometry:
+class Odometry(GyroOdometry):
     """Odometry from reports. The pose starts at zero with the first report, at any heading of the gyro."""
 
     def __init__(self) -> None:
-        self.pose = Pose2D(0.0, 0.0, 0.0)
-        self.velocity = STILL
-        self.commanded = False
-        """Whether the velocity that was last sent is not zero."""
-        self.bias = GyroBias()
-        self.odometers = Odometers(0.0, 0.0, 0.0, 0.0)
+        super().__init__(WHEEL_SEPARATION)
         self._last: tuple[Core, Inertia, float] | None = None
 
     def anchor(self) -> None:
@@ -46,29 +41,8 @@ class Odometry:
             return
         left = METRES_PER_TICK * _wrap(core.left_encoder - core_before.left_encoder, 0x10000)
         right = METRES_PER_TICK * _wrap(core.right_encoder - core_before.right_encoder, 0x10000)
-        travel = (left + right) / 2
         turn = radians(_wrap(inertia.heading_cdeg - inertia_before.heading_cdeg, 36000) / 100)
-        self._count(left, right, turn)
-        still = left == right == 0.0 and not self.commanded
-        turn, rate = self.bias.correct(turn, inertia.rate, elapsed, still=still)
-        self._move(travel, turn)
-        if elapsed > 0:
-            self.velocity = Velocity(travel / elapsed, rate)
-
-    def _count(self, left: float, right: float, turn: float) -> None:
-        """Update the raw odometers."""
-        before = self.odometers
-        left, right, gyro = before.left + left, before.right + right, (before.gyro or 0.0) + turn
-        self.odometers = Odometers(left, right, (right - left) / WHEEL_SEPARATION, gyro)
-
-    def _move(self, travel: float, turn: float) -> None:
-        """Move the pose by ``travel`` metres along the chord of a turn by ``turn`` radians."""
-        along = self.pose.heading + turn / 2
-        self.pose = Pose2D(
-            x=self.pose.x + travel * cos(along),
-            y=self.pose.y + travel * sin(along),
-            heading=self.pose.heading + turn,
-        )
+        self.add(left, right, turn, inertia.rate, elapsed)
 
 
 def _wrap(difference: int, period: int) -> int:

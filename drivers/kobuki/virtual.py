@@ -19,11 +19,14 @@ from drivers.kobuki.commands import (
     Sound,
     SoundSequence,
 )
+from drivers.kobuki.declared import KobukiKeys
 from drivers.kobuki.wire import BAUD, MAX_PAYLOAD, FrameFinder, Part, decode, frame, subpayload
 from drivers.sim.battery import Battery
 from drivers.sim.body import Body, either
 from drivers.sim.ground import Ground
+from drivers.sim.stage import Stage
 from drivers.sim.wheels import DelayLine, Wheels
+from drivers.virtual.plugged import Plugged, plugged_base
 
 PERIOD = 0.02
 """Seconds between two reports."""
@@ -263,3 +266,9 @@ def _lamp(red: bool, green: bool) -> Lamp:
 
 def _clip(value: float, most: int) -> int:
     return max(-most, min(round(value), most))
+
+
+def make(keys: KobukiKeys, stage: Stage) -> Plugged:  # noqa: ARG001 - all makers are called with both
+    """Return the virtual device of a robot file's section."""
+    device = VirtualKobuki(wheels=stage.wheels(), ground=stage.world, battery=stage.physics.battery)
+    return plugged_base(device, "kobuki")

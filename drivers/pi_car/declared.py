@@ -110,8 +110,8 @@ PI_CAR = Driver(
     "A car on a Raspberry Pi: two motors on its pins or on a PCA9685, nothing measured.",
     PiCarKeys,
     make="drivers.pi_car.make:base",
-    twin="drivers.sim.twins.making:pi_car",
-    virtual="drivers.virtual.making:pi_car",
+    twin="drivers.pi_car.base_twin:make",
+    virtual="drivers.pi_car.base_virtual:make",
     extra="pi",
 )
 

@@ -11,7 +11,8 @@ from drivers.api.ros2 import START, Place
 from drivers.api.sections import Ros2Keys
 from drivers.base.range_twin import RangerTwin
 from drivers.base.reckoning import TwoWheels
-from drivers.base.twin import BaseTwin
+from drivers.base.twin import BaseTwin, WheelTwinOdometry, make_plain
+from drivers.base.twin import make as make_twin
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DriverError, NotConnected
 from drivers.ros2.actions import reason
@@ -22,7 +23,6 @@ from drivers.sim.navigator import NO_PROGRESS, Navigator
 from drivers.sim.plug import Plug
 from drivers.sim.scanner import looking
 from drivers.sim.stage import Stage
-from drivers.sim.twins import making
 from drivers.sim.world import World
 
 FASTEST = 100.0
@@ -184,10 +184,11 @@ def graph(keys: ZenohKeys, stage: Stage) -> Ros2Twin:
 def base(keys: Ros2BaseKeys, stage: Stage) -> BaseTwin:
     """Return the twin of a base: of one with contacts as a Kobuki's, of others without."""
     if keys.hazards:
-        twin = making.base(keys, stage)
+        twin = make_twin(keys, stage)
         twin.body.backup_limit = BackupLimit()
         return twin
-    return making.plain(TwoWheels(0.2, FASTEST), keys, stage, reckoned=False, gauge=bool(keys.battery), gyro=True)
+    odometry = WheelTwinOdometry(TwoWheels(0.2, FASTEST), reckoned=False, gyro=True)
+    return make_plain(keys, stage, odometry, gauge=bool(keys.battery))
 
 
 def ranger(keys: Ros2RangeKeys, stage: Stage) -> RangerTwin:

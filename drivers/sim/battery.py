@@ -1,6 +1,7 @@
 """The battery of a simulated base: what is left in it, and the voltage that the base reports."""
 
-from drivers.kobuki.odometry import EMPTY_VOLTAGE, FULL_VOLTAGE
+FULL_VOLTAGE, EMPTY_VOLTAGE = 16.5, 13.2
+"""Volts of four lithium cells in series at 100 and at 5 percent, as a Kobuki reports them."""
 
 CAPACITY = 2.2 * 3600
 """Ampere-seconds in a full one: the smaller of the vendor's two."""

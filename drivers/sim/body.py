@@ -4,7 +4,6 @@ from collections.abc import Iterable, Sequence
 from math import cos, degrees, inf, remainder, sin, tau
 
 from drivers.api import BASE_RADIUS, STILL, DockSignals, Pose2D, Sides, Velocity
-from drivers.kobuki.feedback import METRES_PER_TICK
 from drivers.sim.battery import Battery
 from drivers.sim.ground import BackupLimit, Ground, OpenFloor
 from drivers.sim.things import NO_SIGNALS
@@ -41,6 +40,9 @@ def current(speed: float, in_vain: float = 0.0) -> float:
 COMMAND_TIMEOUT = 0.4
 """Seconds without a command after which the base comes to rest. The vendor documents no such limit: it is our
 assumption, on the side of a base that rolls on for longer than the driver's own deadman lets it."""
+
+ENCODER_STEP = 0.0000852920905
+"""Travel of a wheel in metres for one tick of its encoder: that of a Kobuki."""
 
 LONGEST_STEP = 0.025
 """Seconds between looks at what is in the way: 18 mm at full speed."""
@@ -119,7 +121,7 @@ class Body:
     def encoders(self) -> tuple[int, int]:
         """What the encoders of the left and the right wheel have counted; forward is positive."""
         left, right = self.counters.travel
-        return round(left / METRES_PER_TICK), round(right / METRES_PER_TICK)
+        return round(left / ENCODER_STEP), round(right / ENCODER_STEP)
 
     @property
     def currents(self) -> tuple[float, float]:

@@ -1,8 +1,8 @@
 """A virtual device as it is plugged in: what is on its wire, and what it truly does."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from dataclasses import asdict, dataclass
+from typing import Any, Protocol, TypeVar
 
 from drivers.api import HeadPose, Pose2D
 from drivers.virtual.terminal import WireDevice
@@ -55,3 +55,22 @@ class Plugged:
     looks: Callable[[float], HeadPose] | None = None
     state: Callable[[float], object] | None = None
     terminal: Socket | None = None
+
+
+class VirtualBase(WireDevice, Protocol):
+    """A virtual base with a simulated ``body``."""
+
+    body: Any
+
+    def pose(self, now: float) -> Pose2D:
+        """Return the true pose."""
+        ...
+
+
+def plugged_base(device: VirtualBase, wire: str) -> Plugged:
+    """Return a virtual base on a wire; its state are pose and velocity."""
+
+    def state(now: float) -> object:
+        return asdict(device.pose(now)) | asdict(device.body.velocity)
+
+    return Plugged(device, wire, pose=device.pose, state=state)

@@ -41,8 +41,8 @@ WAVESHARE = Driver(
     "A rover of Waveshare's that speaks JSON: WAVE ROVER, UGV Rover, UGV Beast.",
     WaveshareKeys,
     make="drivers.waveshare.driver:make",
-    twin="drivers.sim.twins.making:waveshare",
-    virtual="drivers.virtual.making:waveshare",
+    twin="drivers.waveshare.twin:make",
+    virtual="drivers.waveshare.virtual:make",
     probe="drivers.waveshare.probe:probe",
     usb=("10c4:ea60", "1a86:55d4"),
 )

@@ -7,8 +7,11 @@ from threading import RLock
 from drivers.api import Pose2D, Velocity
 from drivers.base.reckoning import TwoWheels
 from drivers.sim.body import Body
+from drivers.sim.stage import Stage
 from drivers.sim.wheels import DelayLine
+from drivers.virtual.plugged import Plugged, plugged_base
 from drivers.waveshare import wire
+from drivers.waveshare.declared import WaveshareKeys
 
 BANNER = b"Initialize LittleFS for Flash files ctrl.\r\nWiFi init.\r\nUGV started.\r\n"
 """Some of the lines that the firmware writes at its start."""
@@ -127,3 +130,10 @@ class VirtualWaveshare:
         left, right = self.body.counters.speeds
         moves = Velocity((left + right) / 2, (right - left) / self.body.wheels.separation)
         return {name: round(speed, 4) for name, speed in zip("LR", self._wheels.rims(moves), strict=True)}
+
+
+def make(keys: WaveshareKeys, stage: Stage) -> Plugged:
+    """Return the virtual device of a robot file's section."""
+    unit = 1.0 if keys.encoders else wire.FULL / keys.speed_at_full
+    device = VirtualWaveshare(stage.body(), track=keys.track, unit=unit, encoders=keys.encoders, baud=keys.baud)
+    return plugged_base(device, "rover")

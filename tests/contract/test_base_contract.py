@@ -23,6 +23,7 @@ from drivers.api import (
 from drivers.base.twin import BaseTwin
 from drivers.errors import BadRequest, DeviceFault, NotConnected
 from drivers.kobuki.driver import kobuki_base
+from drivers.kobuki.twin import KobukiTwinOdometry
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.sim.body import NOTHING, Body
 from drivers.sim.ground import OpenFloor
@@ -134,7 +135,12 @@ class TwinBase(InSimulatedTime, BaseRig):
     def __init__(self) -> None:
         super().__init__()
         self.twin = BaseTwin(
-            self.clock, report=self.notices.append, changed=self.changed, body=Body(ground=Room()), seed=3
+            self.clock,
+            odometry=KobukiTwinOdometry(),
+            report=self.notices.append,
+            changed=self.changed,
+            body=Body(ground=Room()),
+            seed=3,
         )
         self.device = self.twin
         self.timeline.every(self.twin.PERIOD, self.twin.step)

@@ -6,8 +6,8 @@ import pytest
 
 from drivers.api import BASE_RADIUS, Lamp, Pose2D
 from drivers.base.diff_drive import DiffDriveBase
-from drivers.base.plain_twin import PlainTwin
 from drivers.base.reckoning import TwoWheels
+from drivers.base.twin import BaseTwin, WheelTwinOdometry
 from drivers.pi_car.driver import KeeperProtocol
 from drivers.sim.body import Body
 from drivers.virtual.guardian import VirtualCar
@@ -126,10 +126,11 @@ class Twin(InSimulatedTime, PlainRig):
 
     def __init__(self) -> None:
         super().__init__()
-        self.twin = PlainTwin(
+        self.twin = BaseTwin(
             self.clock,
-            wheels=TwoWheels(TRACK, 1.25),
-            reckoned=self.reckoned,
+            odometry=WheelTwinOdometry(TwoWheels(TRACK, 1.25), reckoned=self.reckoned),
+            feels=False,
+            capabilities=(),
             report=self.notices.append,
             changed=self.changed,
             body=Body(ground=Room()),

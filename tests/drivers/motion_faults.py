@@ -25,9 +25,8 @@ from behaviours.leaf import RUNNING, SUCCESS
 from behaviours.robot import Robot
 from drivers.api import STILL, BaseLimits, Pose2D
 from drivers.base.diff_drive import DiffDriveBase
-from drivers.base.plain_twin import PlainTwin
 from drivers.base.reckoning import TwoWheels
-from drivers.base.twin import BaseTwin
+from drivers.base.twin import BaseTwin, WheelTwinOdometry
 from drivers.kobuki.driver import kobuki_base
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.pi_car.driver import KeeperProtocol
@@ -137,7 +136,8 @@ def car_wire(body: Body, timeline: Timeline) -> Stand:
 
 def plain_twin(body: Body, timeline: Timeline, *, reckoned: bool = False, gyro: bool = False) -> Stand:
     wheels = TwoWheels(TRACK, FASTEST)
-    made = PlainTwin(timeline.clock, wheels=wheels, reckoned=reckoned, gyro=gyro, body=body)
+    odometry = WheelTwinOdometry(wheels, reckoned=reckoned, gyro=gyro)
+    made = BaseTwin(timeline.clock, odometry=odometry, feels=False, body=body)
     return twin(made, timeline, measures=not reckoned)
 
 

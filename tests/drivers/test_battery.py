@@ -4,7 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.kobuki.odometry import FULL_VOLTAGE, battery_percent
+from drivers.kobuki.feedback import METRES_PER_TICK
+from drivers.kobuki.odometry import EMPTY_VOLTAGE, FULL_VOLTAGE, battery_percent
+from drivers.sim import battery as simulated
+from drivers.sim import body
 from drivers.sim.battery import CAPACITY, CHARGING, RESISTANCE, Battery
 from drivers.sim.body import OVERLOAD, current
 
@@ -78,3 +81,8 @@ def test_a_motor_draws_more_the_faster_it_turns_and_the_longer_in_vain() -> None
     assert current(0.1) < current(0.5) < 1.0
     assert current(-0.5) == current(0.5)
     assert current(0.3, 0.02) < OVERLOAD <= current(0.3, 0.2) == current(0.3, 9.0)
+
+
+def test_the_simulated_body_and_battery_are_those_of_a_kobuki() -> None:
+    assert body.ENCODER_STEP == METRES_PER_TICK
+    assert (simulated.EMPTY_VOLTAGE, simulated.FULL_VOLTAGE) == (EMPTY_VOLTAGE, FULL_VOLTAGE)

@@ -21,6 +21,7 @@ from drivers.head.axis import ServoAxis
 from drivers.head.twin import HeadTwin
 from drivers.kobuki.driver import kobuki_base
 from drivers.kobuki.odometry import battery_percent
+from drivers.kobuki.twin import KobukiTwinOdometry
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.servos.joint import JointSpec
 from drivers.servos.twin import JointsTwin
@@ -121,7 +122,10 @@ def test_a_plug_survives_a_listener_that_fails(caplog: pytest.LogCaptureFixture)
 def test_the_base_drives_as_the_real_driver_over_its_wire() -> None:
     clock = ManualClock()
     link = DirectLink(VirtualKobuki(wheels=Wheels(dead_time=0.1, slip=0.05)), clock)
-    real, twin = kobuki_base(link, clock), BaseTwin(clock, body=Body(wheels=Wheels(dead_time=0.1, slip=0.05)))
+    real, twin = (
+        kobuki_base(link, clock),
+        BaseTwin(clock, odometry=KobukiTwinOdometry(), body=Body(wheels=Wheels(dead_time=0.1, slip=0.05))),
+    )
     real.open()
     link.step()
     twin.open()

@@ -7,7 +7,7 @@ import pytest
 from behaviours.catalogue import LEAVES
 from config.faults import Diagnostic, InvalidFileError, Source
 from config.library import find
-from missions.language.claims import Target
+from missions.language.claims import Target, impossible
 from missions.language.document import check_plan
 from missions.language.plan import Plan
 from missions.library.drivers import load_robot
@@ -141,3 +141,48 @@ def test_a_joint_of_the_neck_is_not_moved_while_another_turns_the_head() -> None
 def test_other_joints_are_moved_while_another_turns_the_head() -> None:
     assert necked("look: 9 deg", "move_joints: {to: {left_elbow: 9 deg}}") == []
     assert necked("wait: 1 s", "move_joints: {to: {neck_pan: 9 deg}}") == []
+
+
+# --- optional capabilities of a base ----------------------------------------------------------------------------------
+
+NEEDING = {
+    "sounds": ["sound: error", "sound: {tone: 440 Hz}"],
+    "lights": ["led: green"],
+    "legs": ["stand", "sit", "play_gait: in_place"],
+}
+ROBOTS = {
+    "turtlebot2": {"sounds", "lights"},
+    "turtlebot2_arm": {"sounds", "lights"},
+    "turtlebot3": set[str](),
+    "turtlebot4": {"sounds", "lights"},
+    "pi_car": set[str](),
+    "wave_rover": set[str](),
+    "humanoid": {"legs"},
+}
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize(("capability", "leaf"), [(name, leaf) for name, leaves in NEEDING.items() for leaf in leaves])
+def test_a_leaf_is_refused_on_a_base_without_its_capability(robot: str, capability: str, leaf: str) -> None:
+    target = target_of(load_robot(find("robots", robot)))
+    text = Source("m.yaml", f"mission: m\ntree:\n  sequence:\n    - {leaf}\n")
+    if capability in ROBOTS[robot]:
+        check_plan(text, LEAVES, THINGS, robot=target)
+        return
+    with pytest.raises(InvalidFileError) as caught:
+        check_plan(text, LEAVES, THINGS, robot=target)
+    (fault,) = caught.value.faults
+    word = leaf.partition(":")[0]
+    assert fault.message == f"'{word}' needs {capability}: robot '{robot}' has no {capability}"
+
+
+def test_without_a_base_the_base_is_named_and_not_its_capability() -> None:
+    assert "needs a base" in the_fault("  sound: error\n", frozenset({"head"})).message
+
+
+def test_an_alternative_that_needs_a_missing_capability_is_a_hint() -> None:
+    target = target_of(load_robot(find("robots", "pi_car")))
+    text = Source("m.yaml", "mission: m\ntree:\n  selector:\n    - sound: error\n    - wait: 1 s\n")
+    plan = check_plan(text, LEAVES, THINGS, robot=target)
+    (hint,) = impossible(plan.tree, target, THINGS)
+    assert hint.message == "'sound' cannot be done by robot 'pi_car': it has no sounds"

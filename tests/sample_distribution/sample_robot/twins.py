@@ -1,16 +1,15 @@
 """Twins for simulated time."""
 
-from drivers.base.twin import BaseTwin
+from drivers.base.twin import BaseTwin, make
 from drivers.servos.twin import NeckTwin
 from drivers.sim.stage import Stage
-from drivers.sim.twins import making
 from sample_robot.declared import PeriscopeKeys, RoverKeys
 from sample_robot.periscope import axes
 
 
 def rover(keys: RoverKeys, stage: Stage) -> BaseTwin:
     """Return the twin of the rover: that of any base on two wheels."""
-    return making.base(keys, stage)
+    return make(keys, stage)
 
 
 def periscope(keys: PeriscopeKeys, stage: Stage) -> NeckTwin:

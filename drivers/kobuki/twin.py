@@ -1,0 +1,25 @@
+"""Simulated Kobuki: its commands are rounded as on the wire."""
+
+from drivers.api import Velocity
+from drivers.base.twin import BaseTwin, GyroTwinOdometry
+from drivers.base.twin import make as make_twin
+from drivers.kobuki.commands import WHEEL_SEPARATION, BaseControl
+from drivers.kobuki.declared import KobukiKeys
+from drivers.sim.stage import Stage
+
+
+class KobukiTwinOdometry(GyroTwinOdometry):
+    """Odometry of a simulated Kobuki."""
+
+    def __init__(self, gyro_noise: float = 0.0) -> None:
+        super().__init__(gyro_noise, WHEEL_SEPARATION)
+
+    def send(self, velocity: Velocity, now: float) -> Velocity:
+        """Return the velocity of the command: speed and radius are whole millimetres (per second)."""
+        super().send(velocity, now)
+        return Velocity(*BaseControl.of(velocity.linear, velocity.angular).velocity)
+
+
+def make(keys: KobukiKeys, stage: Stage) -> BaseTwin:
+    """Return the twin of a robot file's section."""
+    return make_twin(keys, stage, KobukiTwinOdometry(stage.physics.gyro_noise))

@@ -1,0 +1,12 @@
+"""Simulated car of a Raspberry Pi: nothing is measured."""
+
+from drivers.base.reckoning import TwoWheels
+from drivers.base.twin import BaseTwin, WheelTwinOdometry, make_plain
+from drivers.pi_car.declared import PiCarKeys
+from drivers.sim.stage import Stage
+
+
+def make(keys: PiCarKeys, stage: Stage) -> BaseTwin:
+    """Return the twin of a robot file's section."""
+    odometry = WheelTwinOdometry(TwoWheels(keys.track, keys.speed_at_full), reckoned=True)
+    return make_plain(keys, stage, odometry, gauge=False)
