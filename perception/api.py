@@ -5,8 +5,10 @@ Positions in a picture are pixels from its top left corner, x to the right, y do
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Annotated, Any, Protocol
+
+from drivers.api.quick import dataclass
 
 if TYPE_CHECKING:
     import numpy as np

@@ -8,12 +8,13 @@ What servos lag behind their recorded pose counts as delay, too: it has the same
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, partial
 from math import hypot, radians
 
 import numpy as np
 
+from drivers.api.quick import dataclass
 from perception.api import Frame, Gaze, Image
 from perception.change import shift
 from perception.delay_grid import CHANGE_ODDS, GRID, JITTERS, STEP, DelayGrid, Flags, Floats, find_unrecorded

@@ -2,8 +2,9 @@
 
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass
 from math import inf, nextafter, radians
+
+from drivers.api.quick import dataclass
 
 REMEMBERED, FEWEST = 9, 5
 """Pictures whose ages are remembered, and the fewest that tell the usual age."""

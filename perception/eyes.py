@@ -1,9 +1,10 @@
 """The robot's eyes: the newest frame in, the newest faces out; frame by frame, or on a thread of their own."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from threading import Event, Thread
 
+from drivers.api.quick import dataclass
 from perception.api import Frame, Gaze, Scene, View, ignore
 from perception.change import measure
 from perception.delay import Delay, Exposures

@@ -1,7 +1,6 @@
 """Finding faces in one picture, with the Haar cascade that comes with OpenCV, in parts of it cut as that wants them."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from math import degrees, inf, radians
 from pathlib import Path
@@ -12,6 +11,7 @@ import cv2.data
 import numpy as np
 import numpy.typing as npt
 
+from drivers.api.quick import dataclass
 from perception.api import Box, Detection, Image
 from perception.light import Grey, check, dark, even_out, grey, lightened, resized, window
 from perception.turns import Search

@@ -9,7 +9,7 @@ that are independent of the first agreed than not.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import hypot, inf, log2
 from typing import Protocol, cast, runtime_checkable
 
@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from drivers.api.quick import dataclass
 from perception.api import Box, Detection, Image
 from perception.light import Grey, check, grey, resized, window
 from perception.tracks import Sighting

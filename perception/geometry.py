@@ -5,9 +5,9 @@ whoever looks. So ``look`` at gaze zero changes nothing, and each pair of angles
 y left, z up, REP 103) as (cos down cos left, cos down sin left, -sin down).
 """
 
-from dataclasses import dataclass
 from math import atan2, cos, hypot, isfinite, pi, remainder, sin, tan, tau
 
+from drivers.api.quick import dataclass
 from perception.api import Box, Gaze
 
 FACE_WIDTH = 0.17

@@ -2,9 +2,10 @@
 
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
+from drivers.api.quick import dataclass
 from perception.api import UNKNOWN, Box, Face, Frame, Gaze, Image
 from perception.geometry import Pinhole
 from perception.senses import Sense, Sparing

@@ -1,9 +1,9 @@
 """The senses of the eyes: each finds one kind of thing in frame after frame, and follows it. Frames have a source."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol, TypeVar, runtime_checkable
 
+from drivers.api.quick import dataclass
 from perception.api import Face, Frame, Gaze, Image, Marker, Percept, Scene, Thing, View
 from perception.geometry import Pinhole
 from perception.tracks import Sighting, Tracker

@@ -7,10 +7,11 @@ by how far he is from where he was expected (section 11.2: adjustable process no
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from math import cos, hypot, nan, radians, sqrt
 from typing import Any, Generic, Protocol, TypeVar
 
+from drivers.api.quick import dataclass
 from perception.api import Box, Detection, Face, Gaze, Marker, Percept, Thing, Wanted
 from perception.geometry import Pinhole, look, wrap
 

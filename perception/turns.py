@@ -4,12 +4,12 @@ A search is for faces of one range of sizes, upright or leaning. A camera that s
 hours.
 """
 
-from dataclasses import dataclass
 from math import inf
 
 import numpy as np
 import numpy.typing as npt
 
+from drivers.api.quick import dataclass
 from perception.api import Detection, Image
 from perception.light import Grey, cells
 

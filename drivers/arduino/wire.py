@@ -11,8 +11,9 @@ publishers behind them. A string is its length as u32, then its UTF-8 bytes.
 import math
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any, Self
+
+from drivers.api.quick import dataclass
 
 PUBLISHER = 0  # a TopicInfo of something the board publishes; from the computer: "which topics have you?"
 SUBSCRIBER = 1  # a TopicInfo of something the board listens to

@@ -4,11 +4,11 @@ Pure. Encode them with ``wire.encode``; virtual base and tests decode with ``wir
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from struct import Struct
 from typing import ClassVar, Self
 
+from drivers.api.quick import dataclass
 from drivers.kobuki.wire import Part
 
 WHEEL_SEPARATION = 0.23

@@ -5,12 +5,12 @@ Pure. Fields are the raw integers of the wire, properties are in SI units. Decod
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import IntFlag
 from math import radians
 from struct import Struct, pack, unpack
 from typing import ClassVar, Self
 
+from drivers.api.quick import dataclass
 from drivers.kobuki.wire import Part
 
 METRES_PER_TICK = 0.0000852920905

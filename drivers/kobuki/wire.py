@@ -5,11 +5,13 @@ LEN and the payload, and all numbers are little-endian. The parts are in ``comma
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import lru_cache, reduce
 from operator import xor
 from struct import Struct, error
 from typing import ClassVar, Self
+
+from drivers.api.quick import dataclass
 
 BAUD = 115200
 """Baud rate of the base, 8N1; it is fixed."""

@@ -12,9 +12,10 @@ ID has to be asked whether the others are unplugged.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import inf
 
+from drivers.api.quick import dataclass
 from drivers.errors import BadRequest, DeviceFault, NoReply
 from drivers.servos.bus import At, Bus, Identity
 from drivers.servos.channel import SECOND_REPLY_DELAY

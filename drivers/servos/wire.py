@@ -9,10 +9,11 @@ think of it: no error byte refuses one. A request that came damaged they do not 
 the maker's protocol manual and memory table.
 """
 
-from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from functools import lru_cache
 from typing import ClassVar, Final
+
+from drivers.api.quick import dataclass
 
 HEADER = b"\xff\xff"
 BROADCAST = 0xFE

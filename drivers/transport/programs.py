@@ -4,8 +4,9 @@ import os
 import stat
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
+
+from drivers.api.quick import dataclass
 
 STOPPABLE = ("run", "servo", "head", "teleop")
 """Commands of ours that move a robot: `mission stop` ends them with all at rest."""

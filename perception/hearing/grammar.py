@@ -7,7 +7,8 @@ arcs into it, and then cannot align phones.
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+
+from drivers.api.quick import dataclass
 
 Arc = tuple[int, int, float, str]
 """From one state to another, with a probability, on a word."""
