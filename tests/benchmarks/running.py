@@ -1,6 +1,10 @@
 """What a run of `greet` on the metal costs its own process: processor time by thread, memory, start, and imports.
 
     python -m tests.benchmarks.running [SECONDS] [SCENARIO...]
+    python -m tests.benchmarks.running --beside FOLDER [ROUNDS]
+
+The second form runs a working tree of another version by turns with this one, and prints the least of each and the
+median of the ratios. A busy machine changes the ratios less than the figures; `chrt --rr 1` before it helps most.
 
 Virtual devices and the camera are in a process of their own (``robot_beside``), so that the run's process does what it
 does on a robot: drivers on serial lines, pictures from a camera, perception, ticks. Processor time is that of user and
@@ -15,7 +19,7 @@ import sys
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from subprocess import DEVNULL, Popen
@@ -35,7 +39,7 @@ STARTED = 10.0
 STARTS = 5
 """How often what is over at once is measured; its median counts."""
 
-TICK = 1 / os.sysconf("SC_CLK_TCK")
+ROOT = Path(__file__).parents[2]
 
 NAMED = """
 import ctypes, json, sys, threading
@@ -113,11 +117,11 @@ def rows() -> Iterator[Row]:
         yield Row(f"{name}: processor time", found, bound, found / bound, 1.0)
 
 
-def measured(scenario: Scenario, seconds: float) -> Cost:
-    """Run a scenario for so long, and return what it cost."""
+def measured(scenario: Scenario, seconds: float, tree: Path = ROOT) -> Cost:
+    """Run a scenario of the version in ``tree`` for so long, and return what it cost."""
     with tempfile.TemporaryDirectory() as folder, robot_beside(scenario.world) as robot:
         imported = Path(folder, "imported.json")
-        with _running(scenario, robot, Path(folder), imported) as process:
+        with _running(scenario, robot, Path(folder), imported, tree) as process:
             Event().wait(STARTED)
             before, clock = _spent(process.pid), SystemClock()
             Event().wait(seconds)
@@ -135,7 +139,7 @@ def measured(scenario: Scenario, seconds: float) -> Cost:
 
 
 @contextmanager
-def _running(scenario: Scenario, robot: Beside, folder: Path, imported: Path) -> Iterator[Popen[bytes]]:
+def _running(scenario: Scenario, robot: Beside, folder: Path, imported: Path, tree: Path) -> Iterator[Popen[bytes]]:
     """Have the scenario run in a process of its own until the end of the block; then it is interrupted."""
     mission, words = "greet", ["--param", "patience=1 h"]
     if scenario.mission:
@@ -144,7 +148,7 @@ def _running(scenario: Scenario, robot: Beside, folder: Path, imported: Path) ->
         mission, words = str(file), []
     program = NAMED.replace("{0!r}", repr(str(imported)))
     command = [sys.executable, "-c", program, "mission", "run", mission, *words, *robot.options]
-    with Popen(command, stdin=DEVNULL, stdout=DEVNULL) as process:
+    with Popen(command, stdin=DEVNULL, stdout=DEVNULL, cwd=tree) as process:
         try:
             yield process
         finally:
@@ -153,18 +157,24 @@ def _running(scenario: Scenario, robot: Beside, folder: Path, imported: Path) ->
 
 def start() -> float:
     """Return the seconds of processor time until the first tick, its processes' too: the median of several starts."""
-    found = []
+    return statistics.median(starts(ROOT)[ROOT])
+
+
+def starts(*trees: Path, rounds: int = STARTS) -> dict[Path, list[float]]:
+    """Return what ``start`` measures for several starts of the version in each of ``trees``, which take turns."""
+    found: dict[Path, list[float]] = {tree: [] for tree in trees}
     with tempfile.TemporaryDirectory() as folder, robot_beside("living_room") as robot:
         events = Path(folder, "events")
         os.mkfifo(events)
-        for _ in range(STARTS):
-            command = [sys.executable, "-m", "missions", "run", "greet", "--events", str(events), *robot.options]
-            with Popen(command, stdin=DEVNULL, stdout=DEVNULL, env=_compiled()) as process, events.open() as lines:
+        command = [sys.executable, "-m", "missions", "run", "greet", "--events", str(events), *robot.options]
+        for tree in [*trees] * rounds:
+            process = Popen(command, stdin=DEVNULL, stdout=DEVNULL, env=_compiled(), cwd=tree)
+            with process, events.open() as lines:
                 next(line for line in lines if '"tick": 1' in line)  # before it, what is known as it starts is told
-                found.append(sum(_spent(process.pid).values()))
+                found[tree].append(sum(_spent(process.pid).values()))
                 process.send_signal(signal.SIGINT)
                 lines.read()
-    return statistics.median(found)
+    return found
 
 
 def check() -> float:
@@ -189,21 +199,21 @@ def _spent(pid: int) -> dict[tuple[int, str], float]:
     for task in Path(f"/proc/{pid}/task").iterdir():
         found[int(task.name), _line(task)[0]] = _line(task)[1]
         for child in (task / "children").read_text().split():
-            found[int(child), f"process {_program(child)}"] = _line(Path("/proc", child))[1]
+            with suppress(OSError):  # it has ended
+                threads = Path(f"/proc/{child}/task").iterdir()
+                found[int(child), f"process {_program(child)}"] = sum(_line(each)[1] for each in threads)
     return found
 
 
 def _program(pid: str) -> str:
     """Return the name of the program that a process runs."""
     words = Path("/proc", pid, "cmdline").read_text().split("\0")
-    return next((Path(word).stem for word in words if word.endswith(".py")), words[0])
+    return next((Path(word).stem for word in words if word.endswith(".py")), " ".join(words[-2:-1]) or words[0])
 
 
 def _line(folder: Path) -> tuple[str, float]:
-    """Return the name and the seconds of a thread or process."""
-    before, _, behind = (folder / "stat").read_text().rpartition(")")
-    fields = behind.split()
-    return before.partition("(")[2], (int(fields[11]) + int(fields[12])) * TICK
+    """Return the name of a thread, and the seconds that it has run."""
+    return (folder / "comm").read_text().strip(), int((folder / "schedstat").read_text().split()[0]) / 1e9
 
 
 def _memory(pid: int) -> float:
@@ -226,7 +236,23 @@ def main(seconds: float, names: list[str]) -> None:
         print(f"start to first tick: {start():.2f} s\nmission check greet: {check():.2f} s")
 
 
+def beside(folder: Path, rounds: int = STARTS) -> None:
+    """Print the costs of this version and of the one in ``folder``."""
+    found = starts(ROOT, folder, rounds=rounds)
+    pairs = {"start to first tick: processor time": list(zip(found[ROOT], found[folder], strict=True))}
+    for name, scenario in SCENARIOS.items():
+        costs = [(measured(scenario, SHORT), measured(scenario, SHORT, folder)) for _ in range(rounds)]
+        pairs[f"a run on the metal, {name}: of a core"] = [(here.share, there.share) for here, there in costs]
+        pairs[f"its memory, {name}, MB"] = [(here.memory, there.memory) for here, there in costs]
+    for name, values in pairs.items():
+        ours, theirs = (min(each[place] for each in values) for place in (0, 1))
+        print(Row(name, ours, theirs, statistics.median(one / other for one, other in values)))
+
+
 OURS = ("missions", "behaviours", "drivers", "perception", "config")
 
 if __name__ == "__main__":
-    main(float(sys.argv[1]) if len(sys.argv) > 1 else SECONDS, sys.argv[2:])
+    if sys.argv[1:2] == ["--beside"]:
+        beside(Path(sys.argv[2]).resolve(), *map(int, sys.argv[3:]))
+    else:
+        main(float(sys.argv[1]) if len(sys.argv) > 1 else SECONDS, sys.argv[2:])
