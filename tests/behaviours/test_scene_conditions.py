@@ -21,7 +21,7 @@ def test_dark_is_a_picture_below_a_share_of_white(brightness: float, status: obj
     assert leaf.reason == f"the picture has a brightness of {brightness / 255:.0%}"
 
 
-@pytest.mark.parametrize(("run", "status"), [(0.01, SUCCESS), (0.001, FAILURE), (0.005, SUCCESS)])
+@pytest.mark.parametrize(("motion", "status"), [(0.01, SUCCESS), (0.001, FAILURE), (0.005, SUCCESS)])
 def test_motion_is_a_share_of_the_picture_that_changed(motion: float, status: object) -> None:
     bench = Bench()
     leaf = bench.put(MotionSeen("motion_seen"))
