@@ -190,7 +190,7 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
         if now - self._asked_at >= ASKING:
             self._ask(now)
         self._step()
-        waits = self._state in {GuardianState.GREETING, GuardianState.ONLINE}
+        waits = self._state in (GuardianState.GREETING, GuardianState.ONLINE)
         if waits and now - max(self._connected_at, self._heard_at) > SILENT_AFTER:
             self._handle(GuardianEvent.TIMEOUT)
             self._hold()
@@ -225,7 +225,7 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
             if self._absence.heard(now, anew=anew):
                 self._hold()
             self._heard_at = now
-        if before in {GuardianState.UNMET, GuardianState.SILENT}:
+        if before in (GuardianState.UNMET, GuardianState.SILENT):
             self._report(DeviceStatus(self.name, "online", f"{self._link.port}: the servos are there again"))
 
     def _settle(self, found: guardian_wire.Report, now: float, *, anew: bool) -> None:
@@ -303,7 +303,7 @@ class KeeperHead(LedHead[ServoAxis], Enabling):
     @property
     def _met(self) -> bool:
         """Whether the guardian has answered on this connection."""
-        return self._state in {GuardianState.ONLINE, GuardianState.SILENT}
+        return self._state in (GuardianState.ONLINE, GuardianState.SILENT)
 
     def _sure(self, now: float) -> bool:
         return self._met and now - self._heard_at <= SURE

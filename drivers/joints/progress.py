@@ -56,7 +56,7 @@ class ProgressEvent(Enum):
 
 
 TRANSITIONS: Final = {
-    **{(state, ProgressEvent.RELAX): ProgressState.LIMP for state in ProgressState},
+    **{(state, ProgressEvent.RELAX): ProgressState.LIMP for state in list(ProgressState)[1:]},
     (ProgressState.LIMP, ProgressEvent.COMMAND): ProgressState.MOVING,
     (ProgressState.LIMP, ProgressEvent.HOLD): ProgressState.HOLDING,
     (ProgressState.MOVING, ProgressEvent.COMMAND): ProgressState.MOVING,
@@ -109,7 +109,7 @@ class JointProgress:
     @property
     def active(self) -> bool:
         """True while it is under way, or was given up: while readings matter."""
-        return self.state not in {ProgressState.LIMP, ProgressState.HOLDING}
+        return self.state not in (ProgressState.LIMP, ProgressState.HOLDING)
 
     def permit(self, goal: float, now: float) -> None:
         """Raise DeviceFault for a goal that is blocked; a goal on the other side, or after a while, is permitted.
@@ -127,7 +127,7 @@ class JointProgress:
 
     def command(self, goal: float, speed: float, now: float) -> None:
         """Expect it to go to ``goal`` at ``speed`` (rad/s) at most."""
-        stands = self.state in {ProgressState.HOLDING, ProgressState.WATCHED}
+        stands = self.state in (ProgressState.HOLDING, ProgressState.WATCHED)
         stays = stands and abs(goal - self._settled) <= RESOLUTION
         if (stands and not stays) or self.state is ProgressState.LIMP:
             self._restart()
@@ -139,6 +139,8 @@ class JointProgress:
 
         A joint that turned the wrong way is still watched: it may run away from there.
         """
+        if place is None and self.state is ProgressState.LIMP:
+            return  # each reading of a limp joint comes here
         self.blocked = ""
         self._handle(ProgressEvent.RELAX if place is None else ProgressEvent.HOLD)
         if place is not None:
@@ -148,7 +150,7 @@ class JointProgress:
     def look(self, here: float, load: float, stamp: float) -> str:
         """Take a reading; return what is new: why it is given up, or that it was pushed away from where it holds."""
         passed, self._stamp = min(max(stamp - self._stamp, 0.0), LONGEST_GAP), max(stamp, self._stamp)
-        held = self.state in {ProgressState.WRONG_WAY, ProgressState.WATCHED}
+        held = self.state in (ProgressState.WRONG_WAY, ProgressState.WATCHED)
         if held and abs(here - self._left_at) > WRONG_WAY:
             self._handle(ProgressEvent.RUN_AWAY)
             self._blocked_at = here

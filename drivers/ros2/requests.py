@@ -247,7 +247,7 @@ class Requests:
             return
         with self._lock:
             request.handle(GoalEvent.ACCEPT)
-            cancel = request.phase in {GoalPhase.CANCEL_DUE, GoalPhase.CANCEL_SENT}
+            cancel = request.phase in (GoalPhase.CANCEL_DUE, GoalPhase.CANCEL_SENT)
             self._tell(request, GoalState.CANCELLING if cancel else GoalState.RUNNING)
         if cancel:
             self._send_cancel(request)
@@ -292,7 +292,7 @@ class Requests:
     def _cancel_again(self, request: _Request, node: Node | None, now: float) -> None:
         """Cancel a goal once more whose cancel was lost, or whose end is unknown, where its server is there."""
         with self._lock:
-            due = request.phase in {GoalPhase.CANCEL_DUE, GoalPhase.LOOSE}
+            due = request.phase in (GoalPhase.CANCEL_DUE, GoalPhase.LOOSE)
             if not due or node is None or now - request.asked <= AGAIN:
                 return
         if node.entities(wire.SERVER, f"{request.name}/{CANCEL}"):

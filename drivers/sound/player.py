@@ -113,13 +113,13 @@ class Player(Partner):
 
     def _tell(self, seconds: float) -> None:
         """Tell, once, that it has begun, if it has."""
-        if self._sound in {SoundState.PLAYING, SoundState.ENDED} and self._listener is not None:
+        if self._sound in (SoundState.PLAYING, SoundState.ENDED) and self._listener is not None:
             listener, self._listener = self._listener, None
             listener(self._begun_at, seconds)
 
     def _finish(self, cut: Cut, seconds: float) -> bool:
         """Wait for the beginning and the end of what is on its way."""
-        if not self._until(lambda: self._sound in {SoundState.PLAYING, SoundState.ENDED}, cut, SLACK):
+        if not self._until(lambda: self._sound in (SoundState.PLAYING, SoundState.ENDED), cut, SLACK):
             return self._silenced(cut)
         self._tell(seconds)
         left = self._begun_at + seconds + SLACK - self._clock.now()

@@ -167,7 +167,7 @@ class Listener:
     @property
     def ready(self) -> bool:
         """True while the recogniser runs and knows what to listen for."""
-        return self._state in {RecogniserState.READY, RecogniserState.DECODING}
+        return self._state in (RecogniserState.READY, RecogniserState.DECODING)
 
     @property
     def pending(self) -> bool:
@@ -198,7 +198,7 @@ class Listener:
 
     def _hangs(self, now: float) -> bool:
         """Say whether the recogniser has owed an answer for too long. Time is that of the sound."""
-        if self._state not in {RecogniserState.STARTING, RecogniserState.DECODING}:
+        if self._state not in (RecogniserState.STARTING, RecogniserState.DECODING):
             return False
         if self._since is None:
             self._since = now

@@ -114,7 +114,7 @@ class Outlet:
     @property
     def takes(self) -> bool:
         """Whether the process takes items."""
-        return self.state in {WriterState.STARTING, WriterState.RECORDING}
+        return self.state in (WriterState.STARTING, WriterState.RECORDING)
 
     @property
     def process(self) -> int | None:
@@ -137,7 +137,7 @@ class Outlet:
         wall = SystemClock()
         while self.state is WriterState.STARTING and wall.now() < self._start_time:
             self.hear(GLANCE)
-        if self.state in {WriterState.STARTING, WriterState.ABORTED}:
+        if self.state in (WriterState.STARTING, WriterState.ABORTED):
             why = self.why or f"its process did not begin within {self._start_time:.0f} s"
             self.give_up(why)
             self.finish()
