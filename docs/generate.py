@@ -14,7 +14,6 @@ from pathlib import Path
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
-from behaviours.robot import Robot
 from config.cases import CommonKeys, ExpectKeys, JudgedKeys
 from config.controller import BaseKeys, ControllerKeys
 from config.defaults import DefaultsKeys
@@ -27,7 +26,6 @@ from config.units import EXAMPLES, UNITS
 from config.world import WorldConfig
 from docs import claims, dumps
 from drivers.api.gait import GaitKeys
-from drivers.clock import ManualClock
 from drivers.table import HOUSE
 from missions.cli.commands import COMMANDS as MISSION_COMMANDS
 from missions.cli.commands import OLD_NAMES
@@ -35,11 +33,11 @@ from missions.cli.declared import DeclaredOption
 from missions.cli.run import command as run
 from missions.codec import members
 from missions.control.messages import ERRORS, MESSAGES
-from missions.executive.state import state_of
 from missions.language.counts import COUNTS
 from missions.language.nodes import COMPOSITES, MODIFIERS
 from missions.language.operators import FUNCTIONS
 from missions.language.param_types import TYPES
+from missions.language.robot_state import ROBOT_STATE
 from missions.library.catalogue import bounds, details, kind_of, shown_default, summary
 from missions.library.drivers import Table
 from missions.options import Option
@@ -77,11 +75,8 @@ def units() -> str:
 
 def state() -> str:
     """Return the table of what expressions read of the robot."""
-    rows = []
-    for name, part in state_of(Robot(), ManualClock()).items():
-        for member, found in vars(type(part)).items():
-            if isinstance(found, property) and not member.startswith("_"):
-                rows.append((code(f"{name}.{member}"), first_line(found)))
+    values = ((name, *each) for name in ROBOT_STATE for each in ROBOT_STATE[name].values.items())
+    rows = ((code(f"{name}.{member}"), value.help) for name, member, value in values)
     return table(("name", "what it is"), rows)
 
 

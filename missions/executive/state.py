@@ -4,16 +4,16 @@ What nobody sees is None, so that a comparison with it fails with a reason inste
 does not report raises SensorSilent, so that whatever asks is suspended.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import radians
 from typing import TypeVar
 
 from behaviours.robot import Robot
-from drivers.api import BaseState, HeadPose, RangeScan, Reading
-from drivers.api.quick import dataclass
+from drivers.api import Base, BaseState, HeadPose, RangeScan, Reading
 from drivers.clock import Clock
 from drivers.errors import SensorSilent
-from missions.executive.guard import BatteryWatch, Guard
+from missions.executive.guard import Guard
+from missions.language.robot_state import state_value
 from missions.language.values import Value
 from perception.api import Face
 
@@ -26,205 +26,62 @@ AHEAD = radians(60)
 """Radians about straight ahead in which a range finder looks for what is ahead."""
 
 
-@dataclass(frozen=True)
-class FaceState:
-    """The largest face in view."""
-
-    robot: Robot
-    clock: Clock
-
-    @property
-    def seen(self) -> bool:
-        """True when a face was seen within the last half second."""
-        return self._face is not None
-
-    @property
-    def count(self) -> int:
-        """How many faces were seen within the last half second."""
-        return len(self._fresh())
-
-    @property
-    def id(self) -> int | None:
-        """The id of the largest face."""
-        return None if self._face is None else self._face.id
-
-    @property
-    def name(self) -> str | None:
-        """Whose it is: a name, `unknown` for a stranger, an empty text while that is not decided."""
-        return None if self._face is None else self._face.name
-
-    @property
-    def undecided(self) -> bool:
-        """True while a face is seen of which it is not decided whose it is."""
-        return any(not face.name for face in self._fresh())
-
-    @property
-    def distance(self) -> float | None:
-        """How far away it is, in metres, guessed from its size."""
-        return None if self._face is None else self._face.distance
-
-    @property
-    def bearing(self) -> float | None:
-        """How far it is from the camera's axis, in radians, positive to the left."""
-        return None if self._face is None else self._face.bearing
-
-    def _fresh(self) -> list[Face]:
-        sight = self.robot.sight_part
-        if sight is None:
-            return []
-        faces, looked, oldest = sight.faces(), sight.looked(), self.clock.now() - FRESH
-        if looked is None or looked < oldest:
-            raise SensorSilent("the camera does not report")
-        return [face for face in faces if face.stamp >= oldest]
-
-    @property
-    def _face(self) -> Face | None:
-        return next(iter(self._fresh()), None)
+Reader = Callable[[], object]
+"""Calculates a value."""
 
 
-@dataclass(frozen=True)
-class _OfBase:
-    """What is read from the base's report."""
+class PartState:
+    """What expressions read of one part: its values are its attributes, each calculated when it is read."""
 
-    robot: Robot
+    def __init__(self, values: Mapping[str, Reader]) -> None:
+        self._values = values
 
-    @property
-    def _state(self) -> BaseState | None:
-        return None if self.robot.base_part is None else fresh(self.robot.base_part.state(), "base")
-
-
-@dataclass(frozen=True)
-class BasePart(_OfBase):
-    """Where the base is, and what it feels."""
-
-    @property
-    def x(self) -> float | None:
-        """Metres ahead of where it started."""
-        return None if self._state is None else self._state.pose.x
-
-    @property
-    def y(self) -> float | None:
-        """Metres to the left of where it started."""
-        return None if self._state is None else self._state.pose.y
-
-    @property
-    def heading(self) -> float | None:
-        """Radians since it started, positive to the left."""
-        return None if self._state is None else self._state.pose.heading
-
-    @property
-    def reckoned(self) -> bool | None:
-        """True where nothing measures how it moves: its place is dead reckoning, on which no condition may rest."""
-        return None if self._state is None else self._state.reckoned
-
-    @property
-    def bumper(self) -> bool | None:
-        """True while a bumper is pressed."""
-        return None if self._state is None else bool(self._state.bumper)
-
-    @property
-    def cliff(self) -> bool | None:
-        """True while a cliff sensor sees no floor."""
-        return None if self._state is None else bool(self._state.cliff)
-
-    @property
-    def wheel_drop(self) -> bool | None:
-        """True while a wheel hangs."""
-        return None if self._state is None else bool(self._state.wheel_drop)
-
-    @property
-    def button(self) -> int | None:
-        """The number of the button that is pressed, the lowest of several; none, while none is."""
-        return None if self._state is None else min(self._state.buttons, default=None)
-
-    @property
-    def docked(self) -> bool | None:
-        """True while it stands on the contacts of its dock."""
-        return None if self._state is None else self._state.docked
-
-    @property
-    def stopped(self) -> bool | None:
-        """True while it is stopped until somebody enables it."""
-        return None if self.robot.base_part is None else bool(self.robot.base_part.latched)
-
-    @property
-    def driver(self) -> str | None:
-        """Who commands it: `mission`, `teleop` or `safety`; an empty text while nobody does."""
-        return None if self.robot.base_part is None else str(self.robot.base_part.steering().source or "")
+    def __getattr__(self, name: str) -> object:
+        values = vars(self).get("_values", {})  # a copy has none yet
+        if name not in values:
+            raise AttributeError(name)
+        return values[name]()
 
 
-@dataclass(frozen=True)
-class BatteryState(_OfBase):
-    """The base's battery."""
-
-    watch: BatteryWatch | None = None
-
-    @property
-    def percent(self) -> float | None:
-        """How full it is, 0..100."""
-        return None if self._state is None else self._state.battery_percent
-
-    @property
-    def voltage(self) -> float | None:
-        """In volts."""
-        return None if self._state is None else self._state.battery_voltage
-
-    @property
-    def charging(self) -> bool | None:
-        """True while it charges."""
-        return None if self._state is None else self._state.charging
-
-    @property
-    def low(self) -> bool | None:
-        """True when it is below what the robot file calls low, and was so two seconds ago."""
-        return None if self._state is None or self.watch is None else self.watch.low
-
-    @property
-    def critical(self) -> bool | None:
-        """True when it is below what the robot file calls critical, and was so two seconds ago: the mission ends."""
-        return None if self._state is None or self.watch is None else self.watch.critical
-
-
-@dataclass(frozen=True)
-class HeadState:
-    """Where the head looks."""
-
-    robot: Robot
-
-    @property
-    def pan(self) -> float | None:
-        """Radians, positive to the left."""
-        return None if self._pose is None else self._pose.pan
-
-    @property
-    def tilt(self) -> float | None:
-        """Radians, positive down."""
-        return None if self._pose is None else self._pose.tilt
-
-    @property
-    def _pose(self) -> HeadPose | None:
-        return None if self.robot.head_part is None else fresh(self.robot.head_part.pose(), "head")
+BASE: Mapping[str, Callable[[BaseState], object]] = {
+    "x": lambda state: state.pose.x,
+    "y": lambda state: state.pose.y,
+    "heading": lambda state: state.pose.heading,
+    "reckoned": lambda state: state.reckoned,
+    "bumper": lambda state: bool(state.bumper),
+    "cliff": lambda state: bool(state.cliff),
+    "wheel_drop": lambda state: bool(state.wheel_drop),
+    "button": lambda state: min(state.buttons, default=None),
+    "docked": lambda state: state.docked,
+}
+BATTERY: Mapping[str, Callable[[BaseState], object]] = {
+    "percent": lambda state: state.battery_percent,
+    "voltage": lambda state: state.battery_voltage,
+    "charging": lambda state: state.charging,
+}
+FACE: Mapping[str, Callable[[Sequence[Face]], object]] = {
+    "seen": bool,
+    "count": len,
+    "id": lambda faces: faces[0].id if faces else None,
+    "name": lambda faces: faces[0].name if faces else None,
+    "undecided": lambda faces: any(not face.name for face in faces),
+    "distance": lambda faces: faces[0].distance if faces else None,
+    "bearing": lambda faces: faces[0].bearing if faces else None,
+}
+HEAD: Mapping[str, Callable[[HeadPose], object]] = {"pan": lambda pose: pose.pan, "tilt": lambda pose: pose.tilt}
+RANGE: Mapping[str, Callable[[RangeScan], object]] = {
+    "nearest": lambda scan: min(scan.nearest(), scan.most),
+    "ahead": lambda scan: min(scan.nearest(0.0, AHEAD), scan.most),
+}
 
 
-@dataclass(frozen=True)
-class RangeState:
-    """What the range finder measures, from where it sits; as far as it can see, where nothing is nearer."""
+def _read_by(sample: Callable[[], T | None], ways: Mapping[str, Callable[[T], object]]) -> dict[str, Reader]:
+    """Return readers of the values of a sample; each is None where there is no such part."""
 
-    robot: Robot
+    def reader(way: Callable[[T], object]) -> Reader:
+        return lambda: None if (found := sample()) is None else way(found)
 
-    @property
-    def nearest(self) -> float | None:
-        """Metres to the nearest thing around."""
-        return None if self._scan is None else min(self._scan.nearest(), self._scan.most)
-
-    @property
-    def ahead(self) -> float | None:
-        """Metres to the nearest thing within 30 degrees left and right of straight ahead."""
-        return None if self._scan is None else min(self._scan.nearest(0.0, AHEAD), self._scan.most)
-
-    @property
-    def _scan(self) -> RangeScan | None:
-        return None if self.robot.ranger_part is None else fresh(self.robot.ranger_part.scan(), "range finder")
+    return {name: reader(way) for name, way in ways.items()}
 
 
 def fresh(reading: Reading[T], part: str) -> T:
@@ -234,29 +91,59 @@ def fresh(reading: Reading[T], part: str) -> T:
     return reading.value
 
 
-def state_of(robot: Robot, clock: Clock, guard: Guard | None = None) -> dict[str, object]:
-    """Return what expressions can read of ``robot``, by name (the names that the checker knows).
+def _fresh_faces(robot: Robot, clock: Clock) -> list[Face]:
+    """Return the faces of the last half second, the largest first."""
+    sight = robot.sight_part
+    if sight is None:
+        return []
+    faces, looked, oldest = sight.faces(), sight.looked(), clock.now() - FRESH
+    if looked is None or looked < oldest:
+        raise SensorSilent("the camera does not report")
+    return [face for face in faces if face.stamp >= oldest]
+
+
+def state_of(robot: Robot, clock: Clock, guard: Guard | None = None) -> dict[str, PartState]:
+    """Return what expressions read of ``robot``, as ``missions.language.robot_state`` declares it.
 
     Whether its battery is low is for the ``guard`` to say.
     """
-    return {
-        "face": FaceState(robot, clock),
-        "base": BasePart(robot),
-        "battery": BatteryState(robot, None if guard is None else guard.battery),
-        "head": HeadState(robot),
-        "range": RangeState(robot),
+
+    def report() -> BaseState | None:
+        return None if robot.base_part is None else fresh(robot.base_part.state(), "base")
+
+    def pose() -> HeadPose | None:
+        return None if robot.head_part is None else fresh(robot.head_part.pose(), "head")
+
+    def scan() -> RangeScan | None:
+        return None if robot.ranger_part is None else fresh(robot.ranger_part.scan(), "range finder")
+
+    def steered() -> Base | None:
+        return robot.base_part
+
+    watch = None if guard is None else guard.battery
+    levels: Mapping[str, Callable[[BaseState], object]] = {
+        "low": lambda _: None if watch is None else watch.low,
+        "critical": lambda _: None if watch is None else watch.critical,
     }
-
-
-PLACE = frozenset({"base.x", "base.y", "base.heading"})
-"""What of a base is dead reckoning where nothing measures it."""
+    commanded: Mapping[str, Callable[[Base], object]] = {
+        "stopped": lambda base: bool(base.latched),
+        "driver": lambda base: str(base.steering().source or ""),
+    }
+    return {
+        "face": PartState(_read_by(lambda: _fresh_faces(robot, clock), FACE)),
+        "base": PartState(_read_by(report, BASE) | _read_by(steered, commanded)),
+        "battery": PartState(_read_by(report, BATTERY) | _read_by(report, levels)),
+        "head": PartState(_read_by(pose, HEAD)),
+        "range": PartState(_read_by(scan, RANGE)),
+    }
 
 
 def unmeasured(condition: Value, scope: Mapping[str, object]) -> str:
     """Say what in a condition nothing measures, or nothing. Raises SensorSilent while the base does not report."""
     reads = () if condition.template is None else condition.template.reads
-    place = next((read.dotted for read in reads if read.dotted in PLACE), "")
+    values = ((read.dotted, state_value(read.name, read.member)) for read in reads)
+    place = next((name for name, value in values if value is not None and value.reckoned), "")
     base = scope.get("base")
-    if place and isinstance(base, BasePart) and base.reckoned:
+    if place and isinstance(base, PartState) and base.reckoned:
         return f"{place} is dead reckoning: this base measures nothing that a condition may rest on"
     return ""

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from config.units import NUMBER, UNITS, DimensionError, Quantity, common, named, quantity
 from drivers.api.quick import dataclass
+from missions.language.robot_state import ROBOT_STATE
 
 # What an expression may read of a value, behind a dot: fields and properties, but no methods and nothing private.
 
@@ -154,33 +155,9 @@ class Record:
 Kind = str | ListOf | Record | None
 
 STATE: Mapping[str, Mapping[str, Kind]] = {
-    "base": {
-        "x": "length",
-        "y": "length",
-        "heading": "angle",
-        "reckoned": FLAG,
-        "bumper": FLAG,
-        "cliff": FLAG,
-        "wheel_drop": FLAG,
-        "button": NUMBER,
-        "docked": FLAG,
-        "stopped": FLAG,
-        "driver": TEXT,
-    },
-    "battery": {"percent": PERCENT, "voltage": "voltage", "charging": FLAG, "low": FLAG, "critical": FLAG},
-    "face": {
-        "seen": FLAG,
-        "count": NUMBER,
-        "id": NUMBER,
-        "name": TEXT,
-        "undecided": FLAG,
-        "distance": "length",
-        "bearing": "angle",
-    },
-    "head": {"pan": "angle", "tilt": "angle"},
-    "range": {"nearest": "length", "ahead": "length"},
+    name: {member: value.kind for member, value in part.values.items()} for name, part in ROBOT_STATE.items()
 }
-"""What expressions read of the robot's state, ``battery.percent``, ``face.seen``..., and what each is."""
+"""The kinds of what expressions read of the robot's state, ``battery.percent``, ``face.seen``..."""
 
 
 def is_size(kind: Kind) -> bool:

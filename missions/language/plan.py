@@ -9,13 +9,8 @@ from config.faults import Mark, Source
 from drivers.api.quick import dataclass
 from missions.language.expressions import Read
 from missions.language.nodes import MISSION
+from missions.language.robot_state import ROBOT_STATE, state_value
 from missions.language.values import Value
-
-PART_OF_STATE = {"base": "base", "battery": "base", "face": "camera", "head": "head", "range": "range"}
-"""The part of a robot that knows each piece of state that expressions read."""
-
-SENSE_OF_STATE = {"face": "faces", "face.name": "names", "face.undecided": "names"}
-"""What the camera is to look for so that it is known: a piece of state, and some members of one."""
 
 
 @dataclass(frozen=True)
@@ -98,8 +93,9 @@ class Step:
     @property
     def own_senses(self) -> frozenset[str]:
         """What it looks for itself: as its leaf declares, and what its expressions read."""
-        named = (name for read in self._reads for name in (read.name, read.dotted))
-        asked = frozenset(SENSE_OF_STATE[name] for name in named if name in SENSE_OF_STATE)
+        parts = {ROBOT_STATE[read.name].sense for read in self._reads if read.name in ROBOT_STATE}
+        values = (state_value(read.name, read.member) for read in self._reads)
+        asked = frozenset(filter(None, parts | {value.sense for value in values if value is not None}))
         if self.leaf is None or "camera" not in self.leaf.needs:
             return asked
         given = (name for name, value in self.arguments.items() if value.template is not None or value.constant)
@@ -118,7 +114,7 @@ class Step:
     @property
     def own_needs(self) -> frozenset[str]:
         """The parts that it needs itself, not those of what is below it."""
-        known = frozenset(PART_OF_STATE[read.name] for read in self._reads if read.name in PART_OF_STATE)
+        known = frozenset(ROBOT_STATE[read.name].part for read in self._reads if read.name in ROBOT_STATE)
         return known | (self.leaf.needs if self.leaf is not None else frozenset())
 
     @property

@@ -1,6 +1,7 @@
 """Faces by name: conditions, the search, identifying, following, and whom the robot has met."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -9,7 +10,7 @@ from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.sight import DECIDING, FaceCentred, FacesAtLeast, FaceSeen, FindFace, Meeting, is_same, may_be
 from behaviours.tracking.track_face import TrackFace
 from drivers.api import Pose2D
-from missions.executive.state import FaceState
+from missions.executive.state import state_of
 from missions.plugins.testing.recorders import Bench, face
 from perception.api import UNKNOWN, Face
 
@@ -148,7 +149,7 @@ def test_track_face_takes_up_nobody_who_is_known_to_be_another() -> None:
 
 def test_expressions_read_the_name_of_the_largest_face() -> None:
     bench = Bench()
-    state = FaceState(bench.robot, bench.clock)
+    state: Any = state_of(bench.robot, bench.clock)["face"]
     assert (state.name, state.undecided) == (None, False)
     bench.sight.seen = [named(bench, "Anna"), named(bench, "", number=2)]
     assert (state.name, state.undecided) == ("Anna", True)

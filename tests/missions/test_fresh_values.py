@@ -111,4 +111,4 @@ def test_a_mission_that_has_ended_is_not_run_again_for_what_it_returns(tmp_path:
 
 
 def test_what_has_no_such_part_says_that_it_is_not_there() -> None:
-    assert state_of(Robot(), ManualClock())["base"].x is None  # type: ignore[attr-defined]  # which the checker has told
+    assert state_of(Robot(), ManualClock())["base"].x is None  # which the checker has told

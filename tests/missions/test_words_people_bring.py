@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 from random import Random
-from typing import NamedTuple, get_type_hints
+from typing import NamedTuple
 
 import pytest
 
@@ -12,10 +12,8 @@ from behaviours.catalogue import LEAVES
 from config.faults import KEYS as FILE_KEYS
 from config.faults import Diagnostic, InvalidFileError, Source, head_of
 from drivers.api.kinds import MOVING
-from missions.executive.state import state_of
 from missions.language.body import KEYS
 from missions.language.document import check_plan
-from missions.language.kinds import FLAG, STATE
 from missions.language.nodes import BRANCHES, MODIFIERS
 from missions.language.steps import BESIDE
 from missions.language.synonyms import WORDS, word_meant
@@ -23,7 +21,6 @@ from missions.library.drivers import Table, robot_of
 from missions.library.shipped import find_mission, shipped_missions
 from missions.library.things import THINGS
 from missions.plugins.schema.robots import part_schemas
-from missions.plugins.testing.recorders import Bench
 
 BASE = "robot: r\nbase: {driver: kobuki, port: /dev/kobuki, "
 JOINT = "robot: r\narm:\n  driver: dynamixel\n  port: /dev/u2d2\n  joints:\n    elbow: {id: 1, limits: [0 deg, 9 deg], "
@@ -337,17 +334,6 @@ def test_what_a_synonym_stands_for_is_a_word_of_ours() -> None:
     read += json.dumps(part_schemas(Table()))
     assert not [word for word in FILE_KEYS if f'"{head_of(word)}"' not in read]
     assert not {word for theirs in WORDS.values() for word in theirs.split()} & {*LEAVES, *BRANCHES, *MODIFIERS}
-
-
-def test_the_state_that_is_true_or_false_is_known() -> None:
-    bench = Bench()
-    truly = {
-        f"{name}.{member}"
-        for name, part in state_of(bench.robot, bench.clock).items()
-        for member, kept in vars(type(part)).items()
-        if isinstance(kept, property) and "bool" in str(get_type_hints(kept.fget)["return"])
-    }
-    assert truly == {f"{part}.{name}" for part in STATE for name, kind in STATE[part].items() if kind == FLAG}
 
 
 SLIPS: dict[str, Callable[[str], str]] = {

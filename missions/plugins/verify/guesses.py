@@ -16,35 +16,10 @@ from drivers.errors import SensorSilent
 from missions.language import reading
 from missions.language.expressions import Expression, ExpressionError, Read
 from missions.language.for_each import Members
-from missions.language.kinds import STATE
 from missions.language.reading import surely_read
+from missions.language.robot_state import ROBOT_STATE, state_value
 from missions.language.values import Value
 from missions.plugins.verify.choices import Oracle
-
-_FELT = (False, True)
-
-SENSORS: Mapping[str, str] = {
-    "base": "base",
-    "battery": "base",
-    "head": "head",
-    "range": "range finder",
-    "face": "camera",
-}
-"""What does not report where a part of the robot's state cannot be read."""
-
-KNOWN_ANYWAY = frozenset({"base.stopped", "base.driver"})
-"""The state that is known whether the base reports or not."""
-
-FLAGS: Mapping[str, Mapping[str, Sequence[bool | int | str | None]]] = {
-    "face": {"seen": (True, False), "undecided": (False, True)},
-    "base": {
-        **dict.fromkeys(("bumper", "cliff", "wheel_drop", "docked", "stopped"), _FELT),
-        "button": (None, 0, 1, 2),
-        "driver": ("mission", "teleop", "safety", ""),
-    },
-    "battery": dict.fromkeys(("charging", "low", "critical"), _FELT),
-}
-"""What the robot senses in so few values that each is tried; None is a button that is not pressed."""
 
 PLAIN = frozenset((bool, int, float, str))
 """Types whose values hold no others: most of what is looked at."""
@@ -131,15 +106,16 @@ class Sensed:
         self._part = part
 
     def __getattr__(self, name: str) -> Any:
-        if name not in FLAGS.get(self._part, {}):
+        value = state_value(self._part, name)
+        if value is None or not value.options:
             raise AttributeError(name)
-        said = f"{self._part}.{name}"
-        return self._oracle.choose(FLAGS[self._part][name], partial(_is, said))
+        return self._oracle.choose(value.options, partial(_is, f"{self._part}.{name}"))
 
 
 def asks_sensor(read: Read) -> bool:
     """Say whether what an expression reads is something that a sensor reports."""
-    return read.name in SENSORS and read.dotted not in KNOWN_ANYWAY
+    value = state_value(read.name, read.member)
+    return read.name in ROBOT_STATE and not (value is not None and value.always)
 
 
 def _is(name: str, value: object) -> str:
@@ -169,9 +145,10 @@ class Guess(Value):
     def __post_init__(self) -> None:
         """Work out what is the same each time."""
         reads = self.template.reads if self.template is not None else ()
-        sensed = any(read.name in STATE and read.member not in FLAGS.get(read.name, ()) for read in reads)
+        values = (state_value(read.name, read.member) for read in reads if read.name in ROBOT_STATE)
+        sensed = any(value is None or not value.options for value in values)
         choices = [(found, False) for found in self.options] + [(None, True)] * may_fail(self)
-        sensors = tuple(dict.fromkeys(SENSORS[read.name] for read in reads if asks_sensor(read)))
+        sensors = tuple(dict.fromkeys(ROBOT_STATE[read.name].sensor for read in reads if asks_sensor(read)))
         found = (("needed", surely_read(self)), ("sensed", sensed), ("choices", choices), ("sensors", sensors))
         for name, value in found:
             object.__setattr__(self, name, value)
@@ -251,7 +228,7 @@ def may_fail(value: Value) -> bool:
     if formula is None:
         return value.convert not in (None, bool)
     parts = (formula,) if isinstance(formula, Expression) else formula.parts
-    senses = any(read.name in STATE for read in formula.reads)
+    senses = any(read.name in ROBOT_STATE for read in formula.reads)
     risky = senses and any(_risky(part.tree) for part in parts if isinstance(part, Expression))
     return value.convert not in (None, bool) or risky or reading.may_fail(value, (), ())
 
@@ -261,7 +238,7 @@ def _risky(node: ast.expr) -> bool:
         case ast.Constant() | ast.Name():
             return False
         case ast.Attribute(value=ast.Name(id=name)):
-            return name not in STATE
+            return name not in ROBOT_STATE
         case ast.BoolOp(values=parts):
             return any(map(_risky, parts))
         case ast.UnaryOp(op=ast.Not(), operand=part):
