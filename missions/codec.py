@@ -248,16 +248,18 @@ def _plain(kind: type, rules: Rules, bound: Bound) -> Coder:
     decode = _check(wanted, lambda data: type(data) in kinds and low <= data <= high)
     if kind is int or rules.finite:
         return Coder(unchanged, decode)
-    return Coder(number, lambda data: float(data) if data in ("nan", "inf", "-inf") else decode(data))
+
+    def decode_any(data: Any) -> Any:
+        if type(data) is float and low <= data <= high:  # most are
+            return data
+        return float(data) if data in ("nan", "inf", "-inf") else decode(data)
+
+    return Coder(number, decode_any)
 
 
 def number(value: Any) -> Any:
     """Return a number as JSON can have it: "nan", "inf" and "-inf" for those that it lacks."""
     return value if isfinite(value) else str(float(value))
-
-
-Ways = Callable[[], Mapping[str, tuple[str, Coder]]]
-"""Returns the members of a class by their words: the field of each, and its coder."""
 
 
 def _object(kind: Any, rules: Rules) -> Coder:
@@ -266,41 +268,56 @@ def _object(kind: Any, rules: Rules) -> Coder:
     The properties that the class names in ``derived`` are written, too, and not read.
     """
     derived: Collection[str] = getattr(kind, "derived", ())
+    writers: list[tuple[str, str, Callable[[Any], Any]]] = []  # not a cached call, which each message would pay for
 
-    @cache
-    def ways() -> Mapping[str, tuple[str, Coder]]:
-        return {each.word: (each.name, coder(each.kind, rules, each.bound)) for each in members(kind)}
+    def look_up() -> None:
+        ways = ((each.word, each.name, coder(each.kind, rules, each.bound).encode) for each in members(kind))
+        writers.extend([*ways, *((name, name, unchanged) for name in derived)])
 
     def encode(message: Any) -> Any:
-        values = ((word, way.encode, getattr(message, name)) for word, (name, way) in ways().items())
-        found = {word: write(value) for word, write, value in values if value is not None or not rules.omit_none}
-        for name in derived:
-            found[name] = getattr(message, name)
-        return found
+        if not writers:
+            look_up()
+        return {word: write(getattr(message, name)) for word, name, write in writers}
 
-    return Coder(encode, _object_reader(kind, ways, derived))
+    def encode_without_none(message: Any) -> Any:
+        if not writers:
+            look_up()
+        values = ((word, write, getattr(message, name)) for word, name, write in writers)
+        return {word: write(value) for word, write, value in values if value is not None}
+
+    return Coder(encode_without_none if rules.omit_none else encode, _object_reader(kind, rules, derived))
 
 
-def _object_reader(kind: Any, ways: Ways, derived: Collection[str]) -> Callable[[Any], Any]:
+def _object_reader(kind: Any, rules: Rules, derived: Collection[str]) -> Callable[[Any], Any]:
+    readers: dict[str, tuple[str, Callable[[Any], Any]]] = {}
+
     def decode(data: Any) -> Any:
         if not isinstance(data, dict):
             raise _must_be(f"an object ({kind.__name__})", data)
-        found, known, word = {}, ways(), ""
+        if not readers:
+            known = {each.word: (each.name, coder(each.kind, rules, each.bound).decode) for each in members(kind)}
+            readers.update(known)  # at once, for other threads
+        found, word = {}, ""
         try:
             for word, value in data.items():
-                if word in known:
-                    name, way = known[word]
-                    found[name] = way.decode(value)
+                way = readers.get(word)
+                if way is not None:
+                    found[way[0]] = way[1](value)
                 elif word not in derived:
-                    raise CodecError(f"is not a member of {kind.__name__}", "", did_you_mean(word, known))
+                    raise CodecError(f"is not a member of {kind.__name__}", "", did_you_mean(word, readers))
         except CodecError as error:
             raise error.inside(word) from error
-        for each in members(kind):
-            if each.required and each.name not in found:
-                raise CodecError(f"is missing{': ' if each.about else ''}{each.about}", each.word)
+        if len(found) < len(readers):
+            _check_required(kind, found)
         return kind(**found)
 
     return decode
+
+
+def _check_required(kind: Any, found: Collection[str]) -> None:
+    for each in members(kind):
+        if each.required and each.name not in found:
+            raise CodecError(f"is missing{': ' if each.about else ''}{each.about}", each.word)
 
 
 def _optional(one: Coder) -> Coder:
