@@ -302,7 +302,7 @@ def cures() -> Iterator[tuple[str, str]]:
                 text = node.value
             else:
                 continue
-            for found in re.findall(r"mission (?:[a-z]+)(?: [^;,()`\s]+)*", text.replace("\n", " ; ")):
+            for found in re.findall(r"\bmission (?:[a-z]+)(?: [^;,()`\s]+)*", text.replace("\n", " ; ")):
                 yield file.name, found
 
 

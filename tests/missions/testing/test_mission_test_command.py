@@ -102,7 +102,7 @@ def test_behaviours_are_taken_from_the_option_and_from_the_folder_beside_the_mis
         outcome = command(capsys, *words)
         assert outcome.code == SUCCESS, outcome.err
         assert "behaviours of this folder: behaviours/eyes.py" in outcome.err, words
-    for line in ("show eye.yaml", "verify eye.yaml", "behaviours blink", "schema"):
+    for line in ("show eye.yaml", "verify eye.yaml", "show behaviour blink", "schema"):
         outcome = command(capsys, *line.split())
         assert outcome.code == SUCCESS, outcome.err
         assert "behaviours/eyes.py" in outcome.err, line

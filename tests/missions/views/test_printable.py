@@ -99,7 +99,7 @@ def test_no_command_prints_what_a_terminal_obeys(
         ("task", "serve", "--once"),
         ("task", "list"),
         ("task", "log", "1"),
-        ("behaviours", ESCAPES),
+        ("show", "behaviour", ESCAPES),
         ("list", ESCAPES),
         ("show", ESCAPES),
         ("see", ESCAPES),
