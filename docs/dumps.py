@@ -13,10 +13,11 @@ import cv2
 import numpy as np
 
 import missions
+from missions.cli.show import FORMS, SUFFIXES, Dump
 from missions.executive.events import Event
 from missions.library.shipped import load_mission, shipped_missions
 from missions.plugins.pictures.compare import compare
-from missions.plugins.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES, Dump
+from missions.plugins.pictures.forms import PAIR_FORMS
 from missions.plugins.pictures.page.document import without_assets
 from missions.plugins.studio.wishes import protocol
 from missions.trees.draw import at, drawing_of

@@ -27,8 +27,7 @@ from config.world import WorldConfig
 from docs import claims, dumps
 from drivers.api.gait import GaitKeys
 from drivers.table import HOUSE
-from missions.cli.commands import COMMANDS as MISSION_COMMANDS
-from missions.cli.commands import OLD_NAMES
+from missions.cli.commands import OLD_NAMES, declared_commands
 from missions.cli.declared import DeclaredOption
 from missions.cli.run import command as run
 from missions.codec import members
@@ -162,7 +161,7 @@ FELT = (
 
 def commands() -> str:
     """Return a table of all commands, by their groups."""
-    rows = ((each.group, code(f"mission {name}"), each.help) for name, each in MISSION_COMMANDS.items())
+    rows = ((each.group, code(f"mission {name}"), each.help) for name, each in declared_commands())
     return table(("group", "command", "what it does"), rows)
 
 

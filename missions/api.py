@@ -25,7 +25,6 @@ from drivers.clock import SystemClock
 from drivers.errors import BadRequest
 from missions.control.control import ControlSocket
 from missions.control.holders import WITHOUT_STOP
-from missions.control.pictures import Pictures
 from missions.executive.answers import Answers
 from missions.executive.asked import asked
 from missions.executive.build import build
@@ -160,12 +159,11 @@ def load(
     given = _texts(params)
     if isinstance(robot, str):
         order = RunRequest(str(path), given, robot, _level(simulate), world, seed=seed, behaviours=files, eyes=eyes)
-        pictures = Pictures()
-        runner = Runner(order, on_view=pictures.view, on_frame=pictures.frame)
+        runner = Runner(order)
 
         @contextmanager
         def opening() -> Iterator[None]:
-            with _reachable(runner, pictures), runner.ready():
+            with _reachable(runner), runner.ready():
                 yield
 
         return Mission(runner.executive, runner=runner, opening=opening)
@@ -246,16 +244,15 @@ def run(
     if why := "; ".join(contradictions(order, _argument, ports_of)):
         raise ValueError(why)
     limits = replace(PATIENT if order.simulation == "fast" else Limits(), lost=math.inf)
-    pictures = Pictures()
-    runner = Runner(order, listeners=listeners, limits=limits, on_view=pictures.view, on_frame=pictures.frame)
-    with _reachable(runner, pictures):
+    runner = Runner(order, listeners=listeners, limits=limits)
+    with _reachable(runner):
         return runner.run()
 
 
 @contextmanager
-def _reachable(runner: Runner, pictures: Pictures) -> Iterator[None]:
+def _reachable(runner: Runner) -> Iterator[None]:
     """Have the control socket of a run, by which ``mission stop`` stops it. Raises NoStop, as its ``require_stop``."""
-    with ControlSocket(runner, pictures) as control:
+    with ControlSocket(runner) as control:
         control.require_stop(f"without_stop=True, or {WITHOUT_STOP}=yes")
         if control.trouble:
             log.warning("%s: `mission stop` cannot reach this run", control.trouble)

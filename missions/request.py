@@ -5,7 +5,7 @@ from dataclasses import replace
 from math import inf
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 from config.library import DEFAULT_WORLD, find
 from drivers.api.kinds import WIRED
@@ -29,8 +29,7 @@ WHERE, CLOCK, MISSION = "Where it runs", "In simulated time", "The mission"
 class RunRequest:
     """A mission to run, and a robot to run it on: names as the user gives them.
 
-    Without a ``robot`` the default one is simulated. ``pad`` is the node of a game pad that drives the base, in real
-    time only.
+    Without a ``robot`` the default one is simulated.
     """
 
     mission: str
@@ -103,7 +102,6 @@ class RunRequest:
         group=CLOCK,
         newcomer=True,
     )
-    pad: str | None = None
     physics: bool = option(
         "Let a robot with a body (a humanoid) stand, walk and fall by MuJoCo. Needs the extra `physics`.",
         default=False,
@@ -161,6 +159,9 @@ class RunRequest:
 class RunOptions:
     """Options that a feature adds to `mission run`; a subclass declares them as its fields."""
 
+    needs_control: ClassVar[bool] = False
+    """Whether the feature uses the control socket of the run, which a batch lacks otherwise."""
+
     def wanted(self, request: RunRequest) -> bool:
         """Whether the feature takes part in a run: if any of its options was given, unless a subclass says more."""
         del request
@@ -207,8 +208,6 @@ def _wrong_clock(order: RunRequest, named: Callable[..., str]) -> Iterator[str]:
         return
     if order.camera is not None:
         yield f"{named('camera')} gives pictures in real time: it goes with {named('simulate', 'wire')}, not with fast"
-    if order.pad is not None:
-        yield f"{named('pad')} is for hands, in real time: it goes with {named('simulate', 'wire')}, not with fast"
 
 
 def _may_be_camera(source: str) -> bool:

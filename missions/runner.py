@@ -15,10 +15,11 @@ from behaviours.robot import Robot
 from behaviours.run import Run, log
 from config.robot import RobotConfig
 from config.units import written
+from drivers.api import DeviceStatus
 from drivers.api.sections import Wired
 from drivers.clock import Clock, SystemClock
 from missions.assembly.assembled import Assembled
-from missions.assembly.together import Hooks, MakePad, Overrides
+from missions.assembly.together import Hooks, Overrides
 from missions.executive.answers import Answers
 from missions.executive.asked import Decided, asked, robot_for
 from missions.executive.build import Substitute, as_it_is, build
@@ -66,11 +67,8 @@ class Runner:
     """One run of one mission. Make it (which reads and checks everything), then ``run`` it, once.
 
     ``give_up`` is called, from the watchdog's thread, once the robot is closed because the main thread hangs for good.
-    ``substitute`` may put another leaf in the place of each: a mock. ``twins`` are the robot in simulated time. ``pad``
-    makes what reads the order's game pad. ``plan`` is the order's mission where that was loaded before: a plan can be
-    run any number of times. ``on_moment`` is told of every moment of the executive, with all that it was told from
-    outside; ``on_view`` of what perception finds, and ``on_frame`` of each picture that it has searched, on the threads
-    of the eyes.
+    ``substitute`` may put another leaf in the place of each: a mock. ``twins`` are the robot in simulated time.
+    ``plan`` is the order's mission where that was loaded before: a plan can be run any number of times.
     Raises InvalidFileError or UnknownNameError for what is wrong with the files; nothing has been opened then.
     """
 
@@ -83,14 +81,11 @@ class Runner:
         give_up: Callable[[Result], None] = end_process,
         substitute: Substitute = as_it_is,
         plan: Plan | None = None,
-        on_moment: OnMoment | None = None,
-        on_view: Callable[[View], None] = ignore,
-        on_frame: Callable[[Frame, Gaze | None], None] = ignore,
-        pad: MakePad | None = None,
     ) -> None:
         self.order = order
         self.config = robot_of(order)
-        self._on_view, self._on_frame, self._pad = on_view, on_frame, pad
+        self._on_view: list[Callable[[View], None]] = []
+        self._on_frame: list[Callable[[Frame, Gaze | None], None]] = []
         self.plan: Plan = load(order, self.config) if plan is None else plan
         self.stream = Stream(listeners)
         self._give_up = give_up
@@ -104,7 +99,7 @@ class Runner:
         self.latch = StopLatch(
             robot.devices, robot.stilled, robot.robot.base_part, robot.safe_stop, self._hold, self.watchdog.permit
         )
-        self.root, self.executive = self._executive(substitute, on_moment)
+        self.root, self.executive = self._executive(substitute)
         self._process = os.getpid()
         self._is_watched = limits is not None or not (order.is_batch and self._is_ours())
         self._signals = Signals(self._request_stop, with_socket=self._is_watched)
@@ -131,7 +126,7 @@ class Runner:
             limits=limits,
         )
 
-    def _executive(self, substitute: Substitute, on_moment: OnMoment | None) -> tuple[Node, Executive]:
+    def _executive(self, substitute: Substitute) -> tuple[Node, Executive]:
         """Return the tree of the plan, whose leaves ask and command the robot through proxies, and what ticks it."""
         answers = Answers()
         robot = asked(self._robot.robot, answers, Decided(self._context, self.latch.permit))
@@ -151,7 +146,6 @@ class Runner:
             mission=self.plan.mission,
             guard=guard,
             answers=answers,
-            on_moment=on_moment,
             after_tick=self._mind,
         )
         if self.paused_pace is not None:
@@ -166,7 +160,7 @@ class Runner:
 
         world = None if order.simulation is None else order.world_file()
         interests = interests_of(self.plan.tree, self.config.camera)
-        overrides = Overrides(world, order.camera, order.ports, order.seed, interests, self._pad)
+        overrides = Overrides(world, order.camera, order.ports, order.seed, interests)
         run = Run(overrides.clock(), seed=order.seed)
         self._tell = Teller(run, self.stream)
         return run, assemble(self.config, self.plan.tree.parts, run.clock, overrides, self._hooks(run))
@@ -206,11 +200,36 @@ class Runner:
 
     def _hooks(self, run: Run) -> Hooks:
         tell = self._tell
-        return Hooks(tell.noticed, run.wake, tell.said, self._seen, tell.answered, tell.steered, watched=self._on_frame)
+        return Hooks(tell.noticed, run.wake, tell.said, self._seen, tell.answered, tell.steered, watched=self._searched)
 
     def _seen(self, view: View) -> None:
-        self._on_view(view)
+        for on_view in self._on_view:
+            on_view(view)
         self._tell.seen(view)
+
+    def _searched(self, frame: Frame, gaze: Gaze | None) -> None:
+        for on_frame in self._on_frame:
+            on_frame(frame, gaze)
+
+    def observe(
+        self,
+        on_moment: OnMoment | None = None,
+        on_view: Callable[[View], None] = ignore,
+        on_frame: Callable[[Frame, Gaze | None], None] = ignore,
+    ) -> None:
+        """Have a run observed that has not begun.
+
+        ``on_moment`` gets the record of each tick, with all input from outside; ``on_view`` what perception finds, and
+        ``on_frame`` each picture that it has searched, on the threads of the eyes.
+        """
+        if on_moment is not None:
+            self.executive.observe(on_moment)
+        self._on_view.append(on_view)
+        self._on_frame.append(on_frame)
+
+    def report(self, notice: DeviceStatus) -> None:
+        """Take notice of a device, as of one of the robot's own."""
+        self._tell.noticed(notice)
 
     @property
     def assembled(self) -> Assembled:

@@ -126,7 +126,5 @@ def assemble(
     place.simulate(chosen)
     place.refuse_other_ports(chosen)
     robot, devices = put_together(config, chosen, place)
-    if wishes.pad is not None and robot.base_part is not None:
-        devices["pad"] = wishes.pad(robot.base_part, clock, audience.report)
     robot = replace(robot, lag=place.lags.lag)
     return Assembled(config.name, robot, devices, place.eyes, place.simulation, place.lags)

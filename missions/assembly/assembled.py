@@ -1,6 +1,6 @@
 """A robot, put together: its parts, its eyes, and, where simulated, the virtual devices behind them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
 from behaviours.robot import Robot, hold_still
@@ -48,13 +48,13 @@ class Looking(Protocol):
 class Assembled:
     """Everything that a run opens and must close.
 
-    ``devices`` are the parts by name, in the order in which they open. ``safe_stop`` and ``close`` do their work on
-    every part, whatever goes wrong with another. ``lags`` are its delays, as far as learnt.
+    ``devices`` are the parts by name, in the order in which they open; more can be added before that. ``safe_stop`` and
+    ``close`` do their work on every part, whatever goes wrong with another. ``lags`` are its delays, as far as learnt.
     """
 
     name: str
     robot: Robot
-    devices: Mapping[str, Device]
+    devices: dict[str, Device]
     eyes: Looking | None = None
     simulation: "Simulation | None" = None
     lags: Lags | None = None

@@ -24,17 +24,13 @@ if TYPE_CHECKING:
     from config.world import WorldConfig
 
 
-MakePad = Callable[[Base, Clock, Report], Device]
-"""Makes a device that reads a game pad and commands the base: ``missions.plugins.teleop.beside.pad_beside``."""
-
-
 @dataclass(frozen=True, slots=True)
 class Overrides:
     """Settings of the caller beyond the robot file.
 
     ``world`` is what a simulated robot stands in, None for the metal. ``camera`` is a source instead of the robot's
     camera, or of the rendered one. ``ports`` are ports by part instead of the robot file's. ``interests`` are
-    what the mission looks for. ``pad`` makes what reads a game pad, which goes before the mission.
+    what the mission looks for.
     """
 
     world: "WorldConfig | None" = None
@@ -42,7 +38,6 @@ class Overrides:
     ports: Mapping[str, str] = field(default_factory=dict)
     seed: int = 0
     interests: Interests = field(default_factory=Interests)
-    pad: MakePad | None = None
 
     def clock(self) -> Clock:
         """Return a new clock in real time; one that waits for virtual devices, where there are only such."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from behaviours.leaf import Leaf
-from config.faults import Diagnostic, InvalidFileError, Mark, Source
+from config.faults import Diagnostic, InvalidFileError, InvalidInputError, Mark, Source
 from config.library import UnknownNameError
 from missions.cli.declared import behaviours_option, params_option
 from missions.cli.names import MISSION
@@ -16,7 +16,8 @@ from missions.cli.usual_robot import load_for, robot_option, robots_for, target
 from missions.language.claims import impossible
 from missions.language.guards import actions_as_guards, guards_kept
 from missions.language.phrases import confusions
-from missions.library.shipped import TESTS, shipped_missions
+from missions.library.plugins import file_kind_of, load
+from missions.library.shipped import shipped_missions
 from missions.library.things import THINGS
 
 
@@ -57,20 +58,18 @@ def _checked(
     leaves: Callable[[str], Mapping[str, type[Leaf]]],
     files: Sequence[Path],
 ) -> tuple[str, Sequence[Diagnostic], Sequence[Diagnostic]]:
-    """Check one mission for the first of ``robots``, or one file of tests.
+    """Check one mission for the first of ``robots``, or one file of a plug-in, such as tests.
 
     Return what to tell, its mistakes, and hints about what is no mistake.
     """
     try:
-        if Path(name).name.endswith(TESTS):
-            from missions.plugins.testing.suite import load_suite  # noqa: PLC0415 - brings the whole simulation along
-
-            cases = len(load_suite(Path(name), files))
-            return f"{name}: good ({cases} case{'s' if cases > 1 else ''})", [], []
+        if (found := file_kind_of(Path(name).name)) is not None and found[1].check:
+            plugin, kind = found
+            return f"{name}: good ({load(plugin, kind.check)(Path(name), files)})", [], []
         plan, able = load_for(name, params, robots, leaves(name))
     except InvalidFileError as error:
         return str(error), error.faults, []
-    except UnknownNameError as error:
+    except (InvalidInputError, UnknownNameError) as error:
         return f"mission: {error}", [Diagnostic(Source(name, ""), Mark(), str(error))], []
     count = sum(1 for _ in plan.tree.walk())
     other = "" if able == robots[0] else f", for robot '{able.stem}'"

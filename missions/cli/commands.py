@@ -1,7 +1,7 @@
 """The table of all commands, and groups of commands that import them when they are used."""
 
 import gc
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from shlex import quote
@@ -9,7 +9,8 @@ from typing import Any
 
 import click
 
-from missions.plugin import BACK, BY_HAND, COMMAND_GROUPS, LOOK, RUN, SET_UP, TRY, CommandEntry
+from missions.library.plugins import command_of, load, plugins
+from missions.plugin import COMMAND_GROUPS, LOOK, RUN, SET_UP, CommandEntry
 
 ALONE = "alone"
 """What the context of a command is told where the process is its alone: `missions.control.holders.OWN_PROCESS`."""
@@ -30,97 +31,20 @@ def settle() -> None:
 COMMANDS: Mapping[str, CommandEntry] = {
     "run": CommandEntry(RUN, "missions.cli.run:command", "Run a mission: simulated, unless a robot is named."),
     "stop": CommandEntry(RUN, "missions.cli.stop:command", "Stop what runs on this machine, at once."),
-    "studio": CommandEntry(
-        RUN, "missions.plugins.studio.command:command", "See, start, drive and stop robots in the browser."
-    ),
-    "task": CommandEntry(
-        RUN, "missions.plugins.tasks.commands.task:command", "Queue missions to run in turn, at a time, or repeatedly."
-    ),
-    "task serve": CommandEntry(
-        RUN, "missions.plugins.tasks.commands.serve:serve_tasks", "Run the tasks of the queue as they are due."
-    ),
-    "fleet": CommandEntry(
-        RUN, "missions.plugins.fleet.commands.fleet:command", "See the robots of a fleet, give them tasks, stop them."
-    ),
     "list": CommandEntry(LOOK, "missions.cli.list:command", "List missions, robots, worlds, behaviours and so on."),
     "show": CommandEntry(LOOK, "missions.cli.show:command", "Show a mission, record, behaviour, world or gait."),
     "check": CommandEntry(LOOK, "missions.cli.check:command", "Check missions without running them."),
-    "schema": CommandEntry(
-        LOOK, "missions.plugins.schema.command:command", "Write the JSON Schema of missions, for editors."
-    ),
-    "test": CommandEntry(TRY, "missions.plugins.testing.commands.test:command", "Run the tests of missions."),
-    "sweep": CommandEntry(
-        TRY, "missions.plugins.testing.commands.sweep:command", "Run a mission many times: how often does it succeed?"
-    ),
-    "verify": CommandEntry(
-        TRY, "missions.plugins.verify.command:command", "Prove that missions end and keep their promises."
-    ),
-    "controller": CommandEntry(
-        TRY, "missions.plugins.testing.commands.controller:command", "Show, compare and tune controllers."
-    ),
-    "controller tune": CommandEntry(
-        TRY, "missions.plugins.testing.commands.tune:tune", "Find better numbers for a controller."
-    ),
-    "simulate": CommandEntry(
-        TRY, "missions.plugins.testing.commands.simulate:command", "Run a robot's virtual devices alone."
-    ),
-    "simulate fault": CommandEntry(
-        TRY, "missions.plugins.testing.commands.fault:fault", "Inject a fault into a run in simulated time."
-    ),
-    "record": CommandEntry(
-        BACK, "missions.plugins.records.commands.record:command", "Replay, compare, report and cut records of runs."
-    ),
-    "record replay": CommandEntry(
-        BACK, "missions.plugins.records.commands.replay:replay", "Play a record in the terminal, or film it."
-    ),
-    "record rerun": CommandEntry(
-        BACK, "missions.plugins.records.commands.replay:rerun", "Decide a record again with today's files."
-    ),
-    "record report": CommandEntry(
-        BACK, "missions.plugins.records.commands.report:report", "Write a page with the whole run, and plots."
-    ),
-    "record stats": CommandEntry(
-        BACK, "missions.plugins.records.commands.stats:stats", "Print statistics of one or more records."
-    ),
-    "robot": CommandEntry(SET_UP, "missions.plugins.setup.robot:command", "Make, show, check and use a robot file."),
-    "robot camera": CommandEntry(SET_UP, "missions.plugins.setup.camera:camera", "List cameras, and calibrate them."),
-    "robot models": CommandEntry(SET_UP, "missions.plugins.setup.models:models", "List and fetch trained models."),
-    "robot udev": CommandEntry(
-        SET_UP, "missions.plugins.setup.udev:udev", "Print udev rules for a TurtleBot's serial ports."
-    ),
-    "doctor": CommandEntry(
-        SET_UP, "missions.plugins.setup.doctor:command", "Check computer, ports, servos and camera."
-    ),
-    "ports": CommandEntry(
-        SET_UP, "missions.plugins.setup.ports:command", "List what is plugged in, and what answers there."
-    ),
-    "person": CommandEntry(
-        SET_UP, "missions.plugins.setup.person:command", "Teach the robot people's faces, or forget them."
-    ),
-    "servo": CommandEntry(SET_UP, "missions.plugins.setup.servo:command", "Find, set up, move and record servos."),
-    "ros2": CommandEntry(
-        SET_UP, "missions.plugins.ros2.command:command", "Look at the nodes and topics of ROS 2, without ROS."
-    ),
-    "ros2 place": CommandEntry(
-        SET_UP, "missions.plugins.ros2.place:place", "Name places of a robot's map, for `navigate`."
-    ),
     "completion": CommandEntry(SET_UP, "missions.cli.completion:command", "Set up completion with TAB in your shell."),
-    "teleop": CommandEntry(
-        BY_HAND, "missions.plugins.teleop.command:command", "Drive a robot with keys or a game pad."
-    ),
-    "head": CommandEntry(BY_HAND, "missions.plugins.setup.head:command", "Move the head, and trim it."),
-    "see": CommandEntry(BY_HAND, "missions.plugins.setup.see:command", "Find faces, things and markers in pictures."),
-    "hear": CommandEntry(
-        BY_HAND, "missions.plugins.setup.hear:command", "Recognise phrases from the microphone or a file."
-    ),
-    "gait": CommandEntry(
-        BY_HAND, "missions.plugins.legs.command:command", "Check gaits of robots with legs, and make new ones."
-    ),
 }
-"""Every command, in the order of the help; those below another stand under its name. Each is imported when it is used.
+"""The commands of the core, in the order of the help; plug-ins have the others. Each is imported when it is used."""
 
-The subcommands that their group's own module defines are not listed here.
-"""
+
+def declared_commands() -> Iterator[tuple[str, CommandEntry]]:
+    """Yield all commands, without importing any: those of the core, then those of plug-ins."""
+    yield from COMMANDS.items()
+    for plugin in plugins():
+        yield from plugin.commands.items()
+
 
 OLD_NAMES: Mapping[str, str] = {
     "motion": "run",
@@ -207,10 +131,10 @@ class SharingCommand(FullHelp):
 
 
 class LazyGroup(click.Group):
-    """A group with subcommands in ``COMMANDS``, too, which are imported when they are used.
+    """A group with subcommands of plug-ins, too, which are imported when they are used.
 
-    They stand there below the name of the group. An old name of a subcommand is answered with the new one. The help has
-    the options that its own commands share.
+    They are declared below the name of the group. An old name of a subcommand is answered with the new one. The help
+    has the options that its own commands share.
     """
 
     command_class = SharingCommand
@@ -222,8 +146,8 @@ class LazyGroup(click.Group):
 
     @property
     def lazy(self) -> Mapping[str, CommandEntry]:
-        """Its subcommands in ``COMMANDS``, by their last words."""
-        found = {tuple(name.split()): each for name, each in COMMANDS.items()}
+        """Its subcommands that are declared in a table, by their last words."""
+        found = {tuple(name.split()): each for name, each in declared_commands()}
         return {words[-1]: each for words, each in found.items() if words[:-1] == self.path}
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -233,20 +157,28 @@ class LazyGroup(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import and return one subcommand; None for an unknown name."""
-        found = self.lazy.get(cmd_name)
-        if found is None:
-            return super().get_command(ctx, cmd_name)
-        module, _, name = found.path.partition(":")
-        command = getattr(import_module(module), name)
+        if own := super().get_command(ctx, cmd_name):
+            return own
+        name = " ".join((*self.path, cmd_name))
+        if entry := COMMANDS.get(name):
+            module, _, attribute = entry.path.partition(":")
+            command = getattr(import_module(module), attribute)
+        elif found := command_of(name):
+            plugin, entry = found
+            command = load(plugin, entry.path)
+        else:
+            return None
         settle()
-        return command if isinstance(command, click.Command) else None
+        if not isinstance(command, click.Command):
+            raise click.ClickException(f"{entry.path} is {type(command).__name__}, not a click command")
+        return command
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Return the subcommand; say what may be meant by an unknown one."""
         word = args[0]
-        if word not in self.list_commands(ctx) and not word.startswith("-"):
+        if not word.startswith("-") and self.get_command(ctx, word) is None:
             meant = new_name([*self.path, *args]) or f"mission {self.meant(ctx, word)}"
             ctx.fail(f"no such command: '{word}'\n  try: {meant}")
         return super().resolve_command(ctx, args)
@@ -294,8 +226,7 @@ class Commands(LazyGroup):
         del ctx
         commands = self.lazy
         widest = max(map(len, commands))
-        for title in COMMAND_GROUPS:
-            with formatter.section(title):
-                formatter.write_dl(
-                    [(name.ljust(widest), each.help) for name, each in commands.items() if each.group == title]
-                )
+        for title in dict.fromkeys((*COMMAND_GROUPS, *(each.group for each in commands.values()))):
+            if rows := [(name.ljust(widest), each.help) for name, each in commands.items() if each.group == title]:
+                with formatter.section(title):
+                    formatter.write_dl(rows)

@@ -1,6 +1,7 @@
 """The file of `mission run --events`."""
 
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -8,6 +9,7 @@ from typing import Self
 import click
 
 from missions.cli.outputs import writing
+from missions.cli.session import RunSession
 from missions.executive.events import JsonLines
 from missions.library.private_files import EarlierFile, open_private
 
@@ -49,3 +51,16 @@ class EventsFile:
             if renamed is not None:
                 click.echo(f"mission: {self.path} is the earlier file, {renamed} the new one", err=True)
                 self.path = renamed
+
+
+@contextmanager
+def events_into(path: Path, session: RunSession) -> Iterator[None]:
+    """Write the events of a run to ``path``. Raises click.UsageError for a file that the run reads."""
+    for step in session.runner.plan.tree.walk():
+        if Path(step.source.name).exists() and path.exists() and path.samefile(step.source.name):
+            raise click.UsageError(f"--events would write over the mission {path}")
+    with EventsFile(path) as events:
+        session.listen(events.lines)
+        session.watched.append(events.file)
+        session.outputs.append(lambda: events.path)
+        yield

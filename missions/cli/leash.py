@@ -8,8 +8,6 @@ import json
 import os
 import select
 import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from threading import Thread
@@ -105,33 +103,3 @@ def _watched(leash: int, stop: Callable[[str], None]) -> AbstractContextManager[
             os.kill(os.getpid(), signal.SIGTERM)
 
     return watching("leash", watch)
-
-
-FAREWELL = 5.0
-"""Seconds that the studio has to end; then it is killed, which stops no run."""
-
-
-@contextmanager
-def studio_beside(*, wanted: bool) -> Iterator[None]:
-    """Serve a studio, in a process of its own, while this is entered; it ends with this process, however that ends.
-
-    It says its links on stderr. One that cannot be served says why, and the command goes on without.
-    """
-    if not wanted:
-        yield
-        return
-    reading, writing = os.pipe()
-    command = [sys.executable, "-m", "missions", "studio", "--leash", str(reading)]
-    studio = subprocess.Popen(  # noqa: S603 - ourselves
-        command, stdin=subprocess.DEVNULL, stdout=sys.stderr, pass_fds=(reading,), start_new_session=True
-    )
-    os.close(reading)
-    try:
-        yield
-    finally:
-        os.close(writing)
-        try:
-            studio.wait(FAREWELL)
-        except subprocess.TimeoutExpired:
-            studio.kill()
-            studio.wait()

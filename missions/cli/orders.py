@@ -5,13 +5,11 @@ So with people whom a mission looks for by name: the robot knows them before it 
 
 import shlex
 from collections.abc import Iterator
-from pathlib import Path
 
 import click
 
 from behaviours.sight import Faces
 from config.faults import did_you_mean
-from missions.assembly.together import MakePad
 from missions.language.plan import Plan, Step
 from missions.request import RunRequest, contradictions
 from missions.runner import ports_of, robot_of
@@ -73,34 +71,3 @@ def check_order(order: RunRequest) -> None:
 def _option(name: str, value: str = "") -> str:
     """Return how an option is typed."""
     return f"--{name} {value}".rstrip()
-
-
-def pad_of(order: RunRequest) -> MakePad | None:
-    """Return what makes the reader of a run's game pad; None where it has none."""
-    if order.pad is None:
-        return None
-    from missions.plugins.teleop.beside import pad_beside  # noqa: PLC0415 - few runs have one
-
-    return pad_beside(order.pad)
-
-
-def check_pad(order: RunRequest, plan: Plan) -> None:
-    """Raise click.UsageError for a pad that would have nothing to drive."""
-    if order.pad is not None and "base" not in plan.tree.parts:
-        raise click.UsageError(f"--pad drives the base, which {plan.mission} does not use")
-
-
-def check_events(path: Path, plan: Plan) -> None:
-    """Raise click.UsageError for an events file that would take the place of a file that the run reads."""
-    for step in plan.tree.walk():
-        if Path(step.source.name).exists() and path.exists() and path.samefile(step.source.name):
-            raise click.UsageError(f"--events would write over the mission {path}")
-
-
-def check_film(path: Path, order: RunRequest) -> None:
-    """Raise click.UsageError for a film that cannot be made, or would take the place of something."""
-    if order.simulation != "fast":
-        raise click.UsageError("--film is made in simulated time: add --simulate fast")
-    from missions.plugins.pictures.movie import check_place  # noqa: PLC0415 - the metal makes no films
-
-    check_place(path, "--film")

@@ -124,12 +124,11 @@ def main() -> None:
 
 def guarded(work: Callable[[], object]) -> int:
     """Do ``work`` and return the exit code: its own where it gives one, else what its errors mean."""
-    from config.faults import InvalidFileError  # noqa: PLC0415 - `mission --help` needs none of this
+    from config.faults import InvalidFileError, InvalidInputError  # noqa: PLC0415 - `mission --help` needs none of this
     from config.library import UnknownNameError  # noqa: PLC0415
     from config.units import seen  # noqa: PLC0415
     from drivers.errors import DriverError  # noqa: PLC0415
     from missions.cli.origin import forget_origin  # noqa: PLC0415
-    from missions.plugins.records.recording.faults import InvalidRecordError  # noqa: PLC0415
     from perception.faults import BadModel  # noqa: PLC0415
 
     forget_origin()
@@ -146,7 +145,7 @@ def guarded(work: Callable[[], object]) -> int:
     except (click.Abort, KeyboardInterrupt):
         click.echo("mission: interrupted", err=True)
         return INTERRUPTED
-    except (InvalidFileError, UnknownNameError, InvalidRecordError, BadModel) as error:
+    except (InvalidInputError, UnknownNameError, BadModel) as error:
         click.echo(str(error) if isinstance(error, InvalidFileError) else f"mission: {error}", err=True)
         _tell_origin(str(error))
         return USAGE

@@ -3,12 +3,13 @@
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
+from functools import partial
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import click
 
@@ -16,27 +17,15 @@ from config.defaults import load_defaults
 from config.library import MINE
 from drivers.api.quick import dataclass
 from missions.cli.declared import DeclaredCommand, declared_options
-from missions.cli.leash import studio_beside
 from missions.cli.names import MISSION
 from missions.cli.origin import chosen_robot, robot_file
-from missions.cli.root import DEVICE, FAILURE, INTERRUPTED, SUCCESS
-from missions.cli.running import Outputs, run
+from missions.cli.running import EXIT_CODES, run
+from missions.cli.session import RunContext
 from missions.executive.executive import Result
-from missions.options import filled, option
-from missions.plugins.pictures.options import FilmOptions
-from missions.plugins.records.options import RecordOptions
-from missions.plugins.records.run_options import record_wish
-from missions.plugins.ros2.options import Ros2Options
-from missions.plugins.studio.options import StudioOptions
-from missions.plugins.teleop.options import PadOptions
-from missions.plugins.view.options import ViewOptions
+from missions.library.plugins import BrokenPluginError, load, plugins
+from missions.options import filled, option, options_of
+from missions.plugin import Plugin
 from missions.request import RunOptions, RunRequest
-
-if TYPE_CHECKING:
-    from missions.plugins.ros2.announcing import Announcer
-
-EXIT_CODES = {"success": SUCCESS, "failure": FAILURE, "interrupted": INTERRUPTED, "error": DEVICE}
-
 
 DEFAULT_DURATION = 3600.0
 """Seconds of simulated time after which a run that nobody watches is ended, unless somebody says otherwise."""
@@ -62,46 +51,70 @@ class OutputOptions(RunOptions):
             raise ValueError(f"--leash: {self.leash} is no open file: only a server gives this") from error
 
 
+def _options_of_plugins() -> Iterator[tuple[Plugin, type[RunOptions]]]:
+    """Yield the plug-ins that add options to a run; one whose options cannot be used is left out, and named."""
+    taken = {each.flag for cls in (RunRequest, OutputOptions) for each in options_of(cls)}
+    for plugin in plugins():
+        if plugin.run_options:
+            try:
+                options = load(plugin, plugin.run_options)
+                flags = _flags_of(plugin, options)
+                if clash := sorted(flags & taken):
+                    raise BrokenPluginError(f"the plug-in '{plugin.name}' adds {clash[0]}, which exists already")
+            except BrokenPluginError as error:
+                click.echo(f"mission: {error}", err=True)
+            else:
+                taken |= flags
+                yield plugin, options
+
+
+def _flags_of(plugin: Plugin, options: Any) -> set[str]:
+    """Return the options that a plug-in adds. Raises BrokenPluginError for a class that declares none."""
+    try:
+        if issubclass(options, RunOptions) and (flags := {each.flag for each in options_of(options)}):
+            return flags
+        problem = "is no dataclass of missions.request.RunOptions with options"
+    except Exception as error:
+        problem = f"cannot be read: {type(error).__name__}: {error}"
+    raise BrokenPluginError(f"the plug-in '{plugin.name}' cannot be used: {plugin.run_options} {problem}")
+
+
+PLUGIN_OPTIONS = tuple(_options_of_plugins())
+"""The plug-ins that add options to a run, with these."""
+
+
 @click.command(cls=DeclaredCommand, epilog="Example: mission run greet --robot turtlebot2_arm --simulate --view")
 @click.argument("mission", type=MISSION, metavar="MISSION")
-@declared_options(
-    RunRequest, ViewOptions, RecordOptions, OutputOptions, StudioOptions, FilmOptions, PadOptions, Ros2Options
-)
+@declared_options(RunRequest, OutputOptions, *(options for _, options in PLUGIN_OPTIONS))
 def command(mission: str, **values: object) -> int:
     """Run a mission (a name, a file, or the number of a motion of the course). Ctrl-C stops it, safely.
 
     Exit code 0 is success, 1 failure, 2 an error in the command or a file, 3 a device, 130 interrupted (Ctrl-C,
     SIGTERM, closed output).
     """
-    request = filled(RunRequest, values, mission=mission)
-    view, record, film = filled(ViewOptions, values), filled(RecordOptions, values), filled(FilmOptions, values)
-    ros2, output = filled(Ros2Options, values), filled(OutputOptions, values)
-    pad, studio = filled(PadOptions, values), filled(StudioOptions, values)
-    features: Sequence[RunOptions] = (film, view, record, pad, studio, ros2, output)
-    request = request.on_named_clock
-    for each in features:
-        request = each.adapt(request)
+    request = filled(RunRequest, values, mission=mission).on_named_clock
+    output = filled(OutputOptions, values)
+    features = [(plugin, filled(options, values)) for plugin, options in PLUGIN_OPTIONS]
+    for _, options in features:
+        request = options.adapt(request)
     request = with_defaults(request)
     try:
-        for each in features:
-            each.check(request)
+        for options in (output, *(options for _, options in features)):
+            options.check(request)
     except ValueError as error:
         raise click.UsageError(str(error)) from error
-    if view.view and output.as_json:
-        raise click.UsageError("--view takes the whole terminal, --json leaves it to a program: one of them")
-    kept = record_wish(record, request)
-    announcer = _announcer(request, ros2) if ros2.wanted(request) else None
-    outputs = Outputs(
-        output.events,
-        film.film,
-        kept,
-        view=view.view,
-        leash=output.leash,
-        studio=studio.studio,
-        announcer=announcer,
-    )
-    with studio_beside(wanted=studio.studio):
-        return EXIT_CODES[_told(request, outputs, as_json=output.as_json).result]
+    contexts = [] if output.events is None else [_events_context(output.events)]
+    for plugin, options in features:
+        if plugin.run_context and options.wanted(request):
+            contexts.append(partial(load(plugin, plugin.run_context), options))
+    reachable = any(options.needs_control and options.wanted(request) for _, options in features)
+    return EXIT_CODES[_told(request, output, contexts, reachable=reachable).result]
+
+
+def _events_context(path: Path) -> RunContext:
+    from missions.cli.events_file import events_into  # noqa: PLC0415 - most runs write no events
+
+    return partial(events_into, path)
 
 
 def with_defaults(request: RunRequest) -> RunRequest:
@@ -124,22 +137,17 @@ def with_defaults(request: RunRequest) -> RunRequest:
     return replace(request, robot=robot, simulate=simulate, world=world, until=until)
 
 
-def _announcer(request: RunRequest, ros2: Ros2Options) -> "Announcer":
-    from missions.plugins.ros2.announcing import announcer_of  # noqa: PLC0415 - few runs are told to ROS 2
-
-    return announcer_of(request.robot, ros2.ros2_router, request.ros2_domain)
-
-
-def _told(order: RunRequest, outputs: Outputs, *, as_json: bool) -> Result:
+def _told(order: RunRequest, output: OutputOptions, contexts: Sequence[RunContext], *, reachable: bool) -> Result:
     """Run it, and say how it ended: in words for people while it goes on, or as one line for a program in the end."""
 
     def last_words(result: Result) -> None:
-        if as_json:
+        if output.as_json:
             with suppress(BrokenPipeError):  # a run that nobody reads has ended for that
                 click.echo(json.dumps(asdict(result)))
 
     try:
-        result = run(order, outputs, sys.stderr if as_json else sys.stdout, last_words)
+        out = sys.stderr if output.as_json else sys.stdout
+        result = run(order, out, last_words, leash=output.leash, contexts=contexts, reachable=reachable)
     except Exception as error:
         if not isinstance(error, click.ClickException):
             last_words(Result(order.mission, "error", str(error), 0.0, 0))

@@ -1,11 +1,14 @@
 """``mission show``: missions, records, behaviours, worlds and gaits, as text or as pictures."""
 
+import json
 import shlex
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 from click.core import ParameterSource
@@ -20,16 +23,36 @@ from missions.cli.names import ROBOT, SHOWN
 from missions.cli.numbers import Whole
 from missions.cli.options import SECONDS, leaves_for
 from missions.cli.outputs import writing, wrote
+from missions.library.plugins import file_kind_of, load, service
 from missions.library.shipped import find_mission, load_mission, shipped_missions
-from missions.plugins.pictures.compare import compare, side_by_side
-from missions.plugins.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES, Dump
-from missions.plugins.records.recording.read import open_record
-from missions.trees.draw import at, drawing_of, folded
-from missions.trees.drawing import Drawing
-from missions.trees.states import now_of
+from missions.trees.draw import drawing_of, folded
+from missions.trees.drawing import Drawing, outline
+from missions.trees.text import dot, mermaid, text_tree
+from missions.trees.tree_json import to_json
 
-RECORD = ".mcap"
-"""What the name of a record ends in; all other names are missions."""
+Dump = str | bytes
+
+FORMS: Mapping[str, Callable[[Drawing], Dump]] = {
+    "text": outline,
+    "unicode": text_tree,
+    "ascii": partial(text_tree, ascii=True),
+    "dot": dot,
+    "mermaid": mermaid,
+    "json": lambda drawing: json.dumps(to_json(drawing), indent=1, ensure_ascii=False) + "\n",
+    **(service("picture_forms") or {}),
+}
+"""The forms of one tree: as text, and as pictures by a plug-in. Text is meant as UTF-8."""
+
+SUFFIXES: Mapping[str, str] = {
+    ".txt": "text",
+    ".unicode": "unicode",
+    ".ascii": "ascii",
+    ".dot": "dot",
+    ".gv": "dot",
+    ".mmd": "mermaid",
+    **{f".{form}": form for form in ("json", "svg", "png", "html") if form in FORMS},
+}
+"""The form that the name of a file asks for."""
 
 NO_RECORD = "a mission has no moments\n  try: mission run {name} --record {stem}.mcap, then show that"
 NO_PLOTS = "a PNG needs resvg and Matplotlib\n  try: pip install 'missiontree[plots]', or -o {stem}.svg"
@@ -101,15 +124,19 @@ def command(
                 raise click.UsageError(f"--format {form}: a behaviour is shown as text or as json")
             show_behaviour(name, files, as_json=form == "json")
         case "world":
-            from missions.plugins.pictures.commands.world import show_world  # noqa: PLC0415 - missions need none of the simulated world
-
-            show_world(name, output, time or 0.0, robot or DEFAULT_ROBOT, camera=camera)
+            _service("show_world", "pictures")(name, output, time or 0.0, robot or DEFAULT_ROBOT, camera=camera)
         case "gait":
-            from missions.plugins.legs.command import LEGGED, show_gait  # noqa: PLC0415 - few robots have legs
-
-            show_gait(name, output, robot or LEGGED)
+            _service("show_gait", "legs")(name, output, robot)
         case _:
             _show_tree(name, form or _form_of(output), output, time, other, depth, params, files)
+
+
+def _service(name: str, plugin: str) -> Any:
+    """Return a function of a plug-in. Raises click.UsageError without the plug-in."""
+    found = service(name)
+    if found is None:
+        raise click.UsageError(f"this needs the plug-in '{plugin}', which is not installed")
+    return found
 
 
 def _meant(words: Sequence[str], files: Sequence[Path]) -> tuple[str, str]:
@@ -184,31 +211,27 @@ def _form_of(output: Path | None) -> str:
 
 
 def _is_record(name: str) -> bool:
-    return Path(name).suffix.lower() == RECORD
+    found = file_kind_of(name.lower())
+    return found is not None and bool(found[1].drawing)
 
 
 def _drawing(name: str, params: dict[str, str], files: tuple[Path, ...], time: float | None) -> Drawing:
     """Return the drawing of a mission or of a record; of that, at ``time`` if it is given."""
-    if not _is_record(name):
-        return drawing_of(load_mission(name, params=params, leaves=leaves_for(files)(name)))
-    record = open_record(Path(name))
-    drawing = record.drawing()
-    if time is None:
+    if (found := file_kind_of(name.lower())) is not None and found[1].drawing:
+        plugin, kind = found
+        drawing: Drawing = load(plugin, kind.drawing)(Path(name), time)
         return drawing
-    if time > record.until:
-        click.echo(f"mission: {name} ends at {record.until:.2f} s, and is shown as it stood then", err=True)
-        time = record.until
-    return at(drawing, {key: now_of(change) for key, change in record.statuses(time).items()}, time)
+    return drawing_of(load_mission(name, params=params, leaves=leaves_for(files)(name)))
 
 
 def _pair(left: Drawing, right: Drawing, form: str, output: Path | None) -> Dump:
     """Dump two drawings side by side, as wide as the terminal where they go to one."""
-    if form not in PAIR_FORMS:
-        raise click.UsageError(f"--diff knows no format '{form}', only {', '.join(PAIR_FORMS)}")
-    comparison = compare(left, right)
-    if output is None and form in ("text", "unicode", "ascii"):
-        return side_by_side(comparison, shutil.get_terminal_size((120, 24)).columns, ascii_only=form == "ascii")
-    return PAIR_FORMS[form](comparison)
+    width = shutil.get_terminal_size((120, 24)).columns if output is None else None
+    try:
+        dump: Dump = _service("dump_pair", "pictures")(left, right, form, width)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+    return dump
 
 
 def _write(dump: Dump, output: Path | None, form: str, name: str, *, private: bool) -> None:

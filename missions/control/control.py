@@ -229,12 +229,13 @@ MOST_CLIENTS = 64
 class ControlSocket:
     """Serves the control socket of a ``runner`` while it is entered, and listens to its events.
 
-    ``pictures`` is who gets the frames. What goes wrong with the socket itself is in ``trouble``; ``require_stop``
+    What goes wrong with the socket itself is in ``trouble``; ``require_stop``
     raises it for a run that would move a robot.
     """
 
-    def __init__(self, runner: Runner, pictures: Pictures, *, clock: Clock | None = None) -> None:
-        self._runner, self._pictures = runner, pictures
+    def __init__(self, runner: Runner, *, clock: Clock | None = None) -> None:
+        self._runner, self._pictures = runner, Pictures()
+        runner.observe(on_view=self._pictures.view, on_frame=self._pictures.frame)
         self._clock = clock or SystemClock()
         self.outlet = Outlet(runner, wall=self._clock)
         robot = runner.assembled.robot
@@ -257,7 +258,7 @@ class ControlSocket:
         )
         self._selector = selectors.DefaultSelector()
         self._endpoint = Endpoint(self._selector, self._of_run)
-        self._audience = Audience(self._name, runner, self.outlet, pictures, self._doing, self._clock, of)
+        self._audience = Audience(self._name, runner, self.outlet, self._pictures, self._doing, self._clock, of)
         self._clients = self._audience.clients
         self._waker, self._wake_end = socket.socketpair()
         self._ending = False

@@ -81,8 +81,8 @@ class Executive:
     The ``guard`` looks before each tick: once it says why the mission must end, the tree is halted, and has failed.
 
     Within a tick, a look of the guard while the mission is paused, and each part of the halting at the end, time stands
-    still, and the robot's parts, which must have been ``asked`` through ``answers``, say each thing once. ``on_moment``
-    is told of each of these moments; from what it was told, ``repeat`` decides over again as it was decided then.
+    still, and the robot's parts, which must have been ``asked`` through ``answers``, say each thing once. From the
+    records of these moments, which ``observe`` hands on, ``repeat`` decides over again as it was decided then.
     ``after_tick`` is called when a tick is over, on its thread.
     """
 
@@ -96,7 +96,6 @@ class Executive:
         mission: str = "",
         guard: Guard | None = None,
         answers: Answers | None = None,
-        on_moment: OnMoment | None = None,
         after_tick: Callable[[], None] | None = None,
     ) -> None:
         self.root = root
@@ -106,7 +105,7 @@ class Executive:
         self.overruns = 0
         self._guard = guard
         self._looked_at = -inf
-        self._frozen_tick = FrozenTick(run, answers or Answers(), Changes(root, run, stream), on_moment)
+        self._frozen_tick = FrozenTick(run, answers or Answers(), Changes(root, run, stream))
         self._after_tick = after_tick
         self._alarm = ""  # why the guard has the tree halted
         self._halt_by: float | None = None
@@ -119,6 +118,10 @@ class Executive:
         self._steps: SimpleQueue[None] = SimpleQueue()  # counts: no step is lost, whatever thread it comes from
         run.observer = stream
         run.notify = self._notify
+
+    def observe(self, on_moment: OnMoment) -> None:
+        """Call ``on_moment`` with the record of each frozen tick, from the next one on."""
+        self._frozen_tick.observe(on_moment)
 
     # --- called from any thread ---------------------------------------------------------------------------------------
 

@@ -86,16 +86,20 @@ OnMoment = Callable[[TickRecord], None]
 
 
 class FrozenTick:
-    """Begins and ends the frozen ticks of a ``run``. ``on_moment`` gets the record of each, with its ``answers``."""
+    """Begins and ends the frozen ticks of a ``run``, and hands on the record of each, with its ``answers``."""
 
-    def __init__(self, run: Run, answers: Answers, changes: Changes, on_moment: OnMoment | None = None) -> None:
+    def __init__(self, run: Run, answers: Answers, changes: Changes) -> None:
         self._run = run
         self._answers = answers
         self._changes = changes
-        self._on_moment = on_moment
+        self._observers: tuple[OnMoment, ...] = ()
         self._begun_at = 0.0
         self._moving = False
-        answers.kept = on_moment is not None
+
+    def observe(self, on_moment: OnMoment) -> None:
+        """Call ``on_moment`` with the record of each frozen tick."""
+        self._observers += (on_moment,)
+        self._answers.kept = True
 
     def tell_changes(self) -> None:
         """Tell what variables have changed."""
@@ -104,20 +108,20 @@ class FrozenTick:
 
     def begin(self) -> None:
         """Let time stand still."""
-        if self._on_moment is not None:
+        if self._observers:
             self._begun_at = self._run.wall.now()
         self._answers.open = True
         self._run.held = self._run.clock.now()
 
     def end(self, kind: Kind, late: float = 0.0) -> None:
         """Let time go on, and hand over what the tick has brought."""
-        run, on_moment = self._run, self._on_moment
+        run = self._run
         time, run.held = run.held or 0.0, None
         if kind == "tick":
             run.ticked_at = time
         if run.stored:
             self.tell_changes()
-        if on_moment is None:
+        if not self._observers:
             self._answers.close()
             return
         looked = run.tick % SAMPLE_EVERY == 1
@@ -127,7 +131,9 @@ class FrozenTick:
         if looked:
             self._moving = moving(answers)
         overheld, run.overstayed = run.overstayed, None
-        on_moment(TickRecord(kind, run.tick, time, late, spent, answers, overheld))
+        record = TickRecord(kind, run.tick, time, late, spent, answers, overheld)
+        for on_moment in self._observers:
+            on_moment(record)
 
 
 def moving(answers: Sequence[Answer]) -> bool:

@@ -12,6 +12,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
+from config.faults import InvalidInputError
 from missions.library.offers import BrokenOfferError, described, load_offer, offered, owner_of
 from missions.library.trial import said, shown
 from missions.plugin import GROUP, CommandEntry, FileKind, Plugin
@@ -23,7 +24,7 @@ BUILT_IN = "missions.plugins"
 """The package of our own plug-ins, which lists them as ``PLUGINS``. The core runs without it."""
 
 
-class BrokenPluginError(ImportError):
+class BrokenPluginError(InvalidInputError):
     """A plug-in whose code cannot be loaded; the message names the plug-in, and says why."""
 
 
@@ -103,11 +104,16 @@ def plugins() -> Iterator[Plugin]:
 
 
 def load(plugin: Plugin, path: str) -> Any:
-    """Import the object at a dotted path of a plug-in. Raises BrokenPluginError."""
+    """Import the object at a dotted path of a plug-in.
+
+    Raises BrokenPluginError; errors of our own code, beside a package that is not installed, are raised as they are.
+    """
     module, _, attribute = path.partition(":")
     try:
         return getattr(import_module(module), attribute)
     except Exception as error:
+        if plugin.name in built_in_plugins() and not isinstance(error, ModuleNotFoundError):
+            raise
         hint = f"\n  try: pip install 'missiontree[{plugin.extra}]'" if plugin.extra else ""
         raise BrokenPluginError(f"the plug-in '{plugin.name}' cannot be loaded: {said(error)}{hint}") from error
 
@@ -123,7 +129,7 @@ def file_kind_of(name: str) -> tuple[Plugin, FileKind] | None:
     return next(found, None)
 
 
-def service(name: str) -> Any | None:
+def service(name: str) -> Any:
     """Return the object that one of our own plug-ins offers to the core; None where none does.
 
     Plug-ins of others are not looked at: the thread that handles a stop asks here, and must not wait for them.

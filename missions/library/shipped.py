@@ -1,5 +1,7 @@
 """The missions that ship with MissionTree, found by name, and the one way from a name to a checked plan."""
 
+import os
+import re
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
@@ -30,6 +32,10 @@ MOTIONS = {
     "8": "circle_clockwise",
 }
 """The motions of the TurtleBot course by their numbers in it: missions in the folder ``motions``."""
+
+
+MISSION_NAME = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)?")
+"""Names of missions that may be asked for over a network: those of the library, and no path."""
 
 
 @cache
@@ -95,3 +101,11 @@ def load_mission(
         complete=complete,
         robot=robot,
     )
+
+
+def is_there(mission: str) -> bool:
+    """Return whether a library has a mission of this name; names from a network never lead to a path."""
+    try:
+        return bool(MISSION_NAME.fullmatch(mission) and find_mission(mission, Path(os.devnull)))
+    except UnknownNameError:
+        return False

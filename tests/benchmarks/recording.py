@@ -71,7 +71,8 @@ def run(path: Path, *, ticks: int = TICKS) -> Outcome:
     order = RunRequest(MISSION, {"rounds": "1000"}, simulate="fast", eyes="truth")
     recorder = Recorder(path)
     with files_read() as files:
-        recorded = Runner(order, listeners=[recorder], on_moment=recorder.moment, on_view=recorder.view)
+        recorded = Runner(order, listeners=[recorder])
+        recorded.observe(recorder.moment, recorder.view)
     recorder.watch(recorded.root)
     bare = Runner(order, listeners=[_unheard])
     contents = contents_of(order, recorded.plan, recorded.config, files, started=datetime(2026, 11, 21, tzinfo=UTC))

@@ -63,7 +63,8 @@ class Soak:
         )
         self._recorder = Recorder(self._path, patient=True, frames=0.0)
         with files_read() as files:
-            self._runner = Runner(order, listeners=[self._recorder], on_moment=self._moment)
+            self._runner = Runner(order, listeners=[self._recorder])
+            self._runner.observe(self._moment)
         self._recorder.watch(self._runner.root)
         self._contents = contents_of(order, self._runner.plan, self._runner.config, files, started=time_of_day())
         self._clock, self._ticks, self._since = SystemClock(), 0, 0.0

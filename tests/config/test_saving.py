@@ -25,7 +25,8 @@ NEW_OR_OWN = {
     "missions/library/private_files.py": 1,  # events, as they come
     "missions/plugins/records/recording/process.py": 1,  # a record, as it comes, beside the earlier one
     "missions/plugins/records/replay/sources.py": 1,  # copies in a temporary folder
-    "missions/plugins/fleet/member.py": 1,  # renamed
+    "missions/plugins/tasks/fleet_latch.py": 1,  # renamed
+    "missions/cli/commands.py": 1,  # the help of a command
     "missions/plugins/studio/audit.py": 1,  # a log, line by line
     "missions/plugins/studio/studio.py": 1,  # new pictures
     "missions/plugins/studio/opening.py": 1,  # a new file

@@ -97,8 +97,7 @@ def test_the_arrows_on_the_page_are_those_that_are_held() -> None:
 
 
 def test_rooms_lead_in_no_circle_by_whatever_way_they_name_each_other() -> None:
-    # The core still names sixteen modules of plug-ins, which pyproject.toml lists.
-    assert cycles(arrows()) in ([], [{"cli", "plugins"}])
+    assert cycles(arrows()) == []
 
 
 def test_the_figures_on_the_page_are_those_of_the_constants() -> None:

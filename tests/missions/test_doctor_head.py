@@ -147,7 +147,8 @@ def test_in_a_simulated_room_the_head_is_tried_and_judged(tmp_path: Path, flippe
     plan = check_plan(source, {TryHead.word: TryHead}, THINGS, robot=target_of(config))
     log = PictureLog()
     order = RunRequest("doctor", robot=str(file), simulate="fast", world="living_room")
-    runner = Runner(order, plan=plan, on_frame=log)
+    runner = Runner(order, plan=plan)
+    runner.observe(on_frame=log)
     assert runner.twins is not None
     twin: Any = runner.twins.parts["head"]
     axes = zip(("pan", "tilt"), twin._built, strict=True)

@@ -82,7 +82,8 @@ class Scene:
         self.bench.put(leaf)
         leaf.robot, leaf.key, leaf.line = robot, "1", 3
         guard = Guard(robot.base, Reflexes(), run, stream)
-        self.executive = Executive(leaf, run, stream, guard=guard, answers=answers, on_moment=self.moments.append)
+        self.executive = Executive(leaf, run, stream, guard=guard, answers=answers)
+        self.executive.observe(self.moments.append)
         run.wait = lambda seconds: bool(self.bench.clock.advance(seconds))
 
     def feel(self, **felt: Any) -> None:
@@ -364,7 +365,8 @@ def _played(*, recorded: bool) -> tuple[list[NodeChanged], list[TickRecord], lis
     events: list[Event] = []
     moments: list[TickRecord] = []
     order = RunRequest("greet", simulate="fast", eyes="truth")
-    runner = Runner(order, listeners=[events.append], on_moment=moments.append if recorded else None)
+    runner = Runner(order, listeners=[events.append])
+    runner.observe(moments.append if recorded else None)
     runner.run()
     changes = [event for event in events if isinstance(event, NodeChanged)]
     return changes, moments, [event for event in events if isinstance(event, Ticked)]

@@ -127,7 +127,8 @@ def _runner(weather: Weather, folder: Path, witness: Witness) -> Runner:
         eyes=weather.eyes,
     )
     with files_read() as files:
-        runner = Runner(order, listeners=[witness], limits=PATIENT, on_moment=witness.moment)
+        runner = Runner(order, listeners=[witness], limits=PATIENT)
+        runner.observe(witness.moment)
     witness.watch(runner)
     if weather.record:
         witness.record = record = StormRecord(folder / RECORD)

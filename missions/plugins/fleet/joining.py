@@ -1,34 +1,34 @@
 """`mission task serve --fleet`: this computer's robot as a member of a fleet."""
 
-import os
 import re
 import secrets
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import click
 
-from config.library import UnknownNameError, find, shipped
+from config.library import find, shipped
 from config.reading import read_regular
 from drivers.clock import SystemClock
-from missions.cli.names import ROBOT, WORLD
-from missions.library.shipped import find_mission
+from missions.library.shipped import is_there
 from missions.plugins.fleet.errands import ErrandQueue
 from missions.plugins.fleet.kept import Kept
 from missions.plugins.fleet.line import ZenohLine
-from missions.plugins.fleet.member import FleetLatch, Member, Own
+from missions.plugins.fleet.member import Member, Own
+from missions.plugins.fleet.options import FleetOptions
 from missions.plugins.fleet.place import check_name, open_session
 from missions.plugins.fleet.robot import employ
 from missions.plugins.fleet.roster import Roster
-from missions.plugins.fleet.words import MISSION, NAME, Address
+from missions.plugins.fleet.words import NAME, Address
 from missions.plugins.tasks.channels import channels_of
+from missions.plugins.tasks.fleet_latch import FleetLatch
 from missions.plugins.tasks.schema import open_db, queue_file
 from missions.plugins.tasks.times import local_zone
-from missions.request import RunRequest, Simulate
+from missions.request import RunRequest
 from missions.runner import robot_of
 
 NUMBER = "fleet_number"
@@ -59,31 +59,23 @@ class Joining:
         return tuple(f"--{word}={value}" for word, value in wanted if value)
 
 
-def fleet_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of a member of a fleet to a command."""
-    for option in (
-        click.option("--fleet", metavar="NAME", help="Be in this fleet, and do its tasks: docs/fleet.md."),
-        click.option("--as", "as_name", metavar="NAME", help="The robot's name in its fleet; else this computer's."),
-        click.option("--robot", type=ROBOT, help="The robot of the fleet's tasks; it moves, unless --simulate."),
-        click.option("--simulate", type=click.Choice(["wire", "fast"]), help="Simulate that robot."),
-        click.option("--world", type=WORLD, help="What a simulated robot stands in."),
-    )[::-1]:
-        command = option(command)
-    return command
-
-
-def joining(
-    fleet: str | None, name: str | None, robot: str | None, simulate: Simulate | None, world: str | None
-) -> Joining | None:
+def joining(options: FleetOptions) -> Joining | None:
     """Return how a server is in a fleet; None where it is in none. Raises click.UsageError, TaskError."""
-    if fleet is None:
-        if name or robot or simulate or world:
+    if options.fleet is None:
+        if options != FleetOptions():
             raise click.UsageError("--as, --robot, --simulate and --world say who is in a fleet: add --fleet NAME")
         return None
-    own = name or re.sub("[^a-z0-9_-]", "-", socket.gethostname().lower())[:40]
-    if name is None and not NAME.fullmatch(own):
+    own = options.as_name or re.sub("[^a-z0-9_-]", "-", socket.gethostname().lower())[:40]
+    if options.as_name is None and not NAME.fullmatch(own):
         raise click.UsageError("this computer's name cannot be a robot's\n  try: --as robot1")
-    return Joining(check_name(fleet), check_name(own, "robot"), RunRequest("", {}, robot, simulate, world))
+    request = RunRequest("", robot=options.robot, simulate=options.simulate, world=options.world)
+    return Joining(check_name(options.fleet), check_name(own, "robot"), request)
+
+
+def membership(options: FleetOptions) -> Callable[[Path, FleetLatch], AbstractContextManager[Member]] | None:
+    """Return the context in which a server is in its fleet; None where it is in none. Raises as ``joining``."""
+    wanted = joining(options)
+    return None if wanted is None else partial(joined, wanted)
 
 
 @contextmanager
@@ -104,15 +96,9 @@ def joined(wanted: Joining, folder: Path, latch: FleetLatch) -> Iterator[Member]
         queue, kept = ErrandQueue(connection, channels_of, local_zone()), Kept(connection)
         employ(member, queue, kept, robot=wanted.robot, options=wanted.options, knows=is_there)
         line.follow()
+        with suppress(OSError):
+            click.echo(f"in fleet '{wanted.fleet}' as '{wanted.name}'", err=True)
         yield closed.enter_context(member)
-
-
-def is_there(mission: str) -> bool:
-    """Say whether there is a mission of this name in a library: no path is looked at that came over a network."""
-    try:
-        return bool(MISSION.fullmatch(mission) and find_mission(mission, Path(os.devnull)))
-    except UnknownNameError:
-        return False
 
 
 def own_number(folder: Path) -> str:

@@ -8,13 +8,13 @@ from dataclasses import fields
 
 from config.units import Quantity
 from missions.language.expressions import ExpressionError, parse
+from missions.library.shipped import MISSION_NAME
 from missions.plugins.fleet.errands import Ready
 from missions.plugins.fleet.kept import Kept, KeptTask, after
 from missions.plugins.fleet.roster import Member, Roster
 from missions.plugins.fleet.words import (  # fmt: skip
     MAX_ANSWER,
     MAX_TEXT_LENGTH,
-    MISSION,
     TASK,
     Accept,
     Address,
@@ -97,7 +97,7 @@ class Keeper:
             return Answer(ok=False, why=f"'{ask.task}' is not the ID of a task that {self._own} keeps")
         if self.copied():
             return Answer(ok=False, why=f"another robot has the number {self._own.number} of this one")
-        if not MISSION.fullmatch(ask.mission):
+        if not MISSION_NAME.fullmatch(ask.mission):
             return Answer(ok=False, why=f"'{ask.mission}' is no name of a mission in a library")
         if ask.where:
             try:

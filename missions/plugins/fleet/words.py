@@ -46,9 +46,6 @@ VERSION = 1
 NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}")
 """Names of fleets and robots: what stands in a key as it is, and does nothing on a terminal."""
 
-MISSION = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)?")
-"""Names of missions that may be asked for over a network: those of the library, and no path."""
-
 TASK = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}/[0-9a-f]{8}/[0-9a-f]{12}")
 """IDs of tasks: the address of the robot that keeps the task, and a number drawn by chance."""
 

@@ -16,8 +16,8 @@ from missions.cli.numbers import Real, Whole
 from missions.cli.outputs import writing
 from missions.library.drivers import load_robot
 from missions.plugins.legs.gaits import Walker, written
+from missions.plugins.pictures.figures import NO_PLOTS
 from missions.plugins.pictures.movie import CODECS, Movie, check_place
-from missions.plugins.testing.commands.controller import NO_PLOTS
 
 LEGGED = "humanoid"
 """The robot whose gaits they are where none is named."""
@@ -62,13 +62,13 @@ def check(files: tuple[str, ...], robot: str) -> None:
         click.echo(f"{path}: good for {robot}")
 
 
-def show_gait(file: str, output: Path | None, robot: str) -> None:
+def show_gait(file: str, output: Path | None, robot: str | None) -> None:
     """Print the joints' angles and speeds in a cycle, with their limits, and how well the robot is supported.
 
     A picture has soles, pelvis and centre of mass over the cycle, and the joints over time; a film two cycles, as
     lines from its right and from the front.
     """
-    walker = _walker(robot)
+    walker = _walker(robot or LEGGED)
     gait = _load(walker, file)
     for line in _shown(walker, gait):
         click.echo(line)

@@ -9,6 +9,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+NO_PLOTS = "a picture needs Matplotlib: pip install 'missiontree[plots]'"
+
+
 def save_figure(figure: "Figure", path: Path, dpi: int, mode: int | None = None) -> Path:
     """Write a figure in the form that the name of the file ends in, whole or not at all; return its path.
 

@@ -3,10 +3,13 @@
 A robot in physics is shown itself, too; without a camera, in the place of what that would see.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+import click
 import numpy as np
 
 from drivers.screen.drawing import frame
@@ -14,7 +17,9 @@ from drivers.screen.expression import expression
 from drivers.sim.render import Renderer
 from drivers.sim.topview import TopView
 from missions.assembly.twins import Twins
-from missions.plugins.pictures.movie import Movie
+from missions.cli.session import RunSession
+from missions.plugins.pictures.movie import Movie, check_place
+from missions.plugins.pictures.options import FilmOptions
 
 if TYPE_CHECKING:
     from drivers.sim.rigid.filmed import BodyCamera
@@ -88,3 +93,22 @@ class Film:
             shown, height = twins.screen.shown(), twins.lens.height
             panes.append(frame(expression(shown, now), shown.text, (height * 2 // 3, height)))
         self._movie.write(np.hstack(panes))
+
+
+@contextmanager
+def film_run(options: FilmOptions, session: RunSession) -> Iterator[None]:
+    """Film a run in simulated time. Raises click.UsageError for a film that cannot be made.
+
+    A film that cannot be written to its end is reported; the run goes on.
+    """
+    path, twins = options.film, session.runner.twins
+    if path is None or twins is None:
+        raise click.UsageError("--film is made in simulated time: add --simulate fast")
+    check_place(path, "--film")
+    film = Film(path, twins)
+    session.outputs.append(lambda: film.path if film.written else None)
+    with film:
+        yield
+    if film.trouble:
+        with suppress(OSError):
+            click.echo(f"mission: {film.trouble}", err=True)

@@ -1,15 +1,14 @@
-"""The forms in which a mission's tree, or two of them side by side, are dumped, by name and by suffix."""
+"""The forms in which a mission's tree, or two of them side by side, are dumped as pictures and pages."""
 
 import json
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from missions.plugins.pictures.compare import Comparison, Pair, side_by_side
+from missions.plugins.pictures.compare import Comparison, Pair, compare, side_by_side
 from missions.plugins.pictures.page.pair import page, pair_page
 from missions.plugins.pictures.png import png
 from missions.plugins.pictures.svg import svg, svg_pair
-from missions.trees.drawing import Drawing, outline
-from missions.trees.text import dot, mermaid, text_tree
+from missions.trees.drawing import Drawing
 from missions.trees.tree_json import to_json
 
 # A comparison of two missions as plain JSON, for other programs.
@@ -45,18 +44,12 @@ def _json(data: object) -> str:
     return json.dumps(data, indent=1, ensure_ascii=False) + "\n"
 
 
-FORMS: Mapping[str, Callable[[Drawing], Dump]] = {
-    "text": outline,
-    "unicode": text_tree,
-    "ascii": partial(text_tree, ascii=True),
-    "dot": dot,
+PICTURE_FORMS: Mapping[str, Callable[[Drawing], Dump]] = {
     "svg": svg,
     "png": lambda drawing: png(svg(drawing)),
-    "mermaid": mermaid,
-    "json": lambda drawing: _json(to_json(drawing)),
     "html": page,
 }
-"""Every form of one tree. Text is meant as UTF-8; ``png`` raises ImportError without the extra ``plots``."""
+"""The forms of one tree beside those of text. ``png`` raises ImportError without the extra ``plots``."""
 
 WIDE = 120
 """Columns of two missions side by side in a file."""
@@ -72,16 +65,12 @@ PAIR_FORMS: Mapping[str, Callable[[Comparison], Dump]] = {
 }
 """The forms in which two trees stand side by side."""
 
-SUFFIXES: Mapping[str, str] = {
-    ".txt": "text",
-    ".unicode": "unicode",
-    ".ascii": "ascii",
-    ".dot": "dot",
-    ".gv": "dot",
-    ".svg": "svg",
-    ".png": "png",
-    ".mmd": "mermaid",
-    ".json": "json",
-    ".html": "html",
-}
-"""The form that the name of a file asks for."""
+
+def dump_pair(left: Drawing, right: Drawing, form: str, width: int | None) -> Dump:
+    """Return two trees side by side, as text in so many columns, if any. Raises ValueError for an unknown form."""
+    if form not in PAIR_FORMS:
+        raise ValueError(f"--diff knows no format '{form}', only {', '.join(PAIR_FORMS)}")
+    comparison = compare(left, right)
+    if width is not None and form in ("text", "unicode", "ascii"):
+        return side_by_side(comparison, width, ascii_only=form == "ascii")
+    return PAIR_FORMS[form](comparison)

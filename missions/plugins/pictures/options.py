@@ -23,3 +23,8 @@ class FilmOptions(RunOptions):
         """Return the request in simulated time, unless it names a robot or a simulation."""
         unnamed = self.film is not None and request.simulate is None and request.robot is None
         return replace(request, simulate="fast") if unnamed else request
+
+    def check(self, request: RunRequest) -> None:
+        """Raise ValueError for a film in real time."""
+        if self.film is not None and request.simulation != "fast":
+            raise ValueError("--film is made in simulated time: add --simulate fast")

@@ -1,12 +1,18 @@
 """Options of `mission run` for its record."""
 
+import os
+from importlib.util import find_spec
 from pathlib import Path
 
+from config.defaults import load_defaults
 from drivers.api.quick import dataclass
 from missions.options import option
 from missions.request import RunOptions, RunRequest
 
 GROUP = "The record"
+
+SWITCH = "MISSION_RECORD"
+"""A variable of the environment, before the user's default: ``no``, ``yes``, or ``all``, simulated runs too."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,8 +44,24 @@ class RecordOptions(RunOptions):
     )
     overwrite: bool = option("Replace the record that is there.", default=False, group=GROUP)
 
+    def wanted(self, request: RunRequest) -> bool:
+        """Whether the run is recorded: by an option, or by default."""
+        if self == RecordOptions(no_record=True):
+            return False
+        return super().wanted(request) or recorded_by_default(simulated=request.simulation is not None)
+
     def check(self, request: RunRequest) -> None:
         """Raise ValueError for options that could only be ignored."""
         del request
         if self.no_record and self.record is not None:
             raise ValueError("--record keeps it, --no-record does not: one of them")
+
+
+def recorded_by_default(*, simulated: bool = False) -> bool:
+    """Return whether runs are recorded by default: not if the user declines, or the extra `records` is missing.
+
+    Raises InvalidFileError for the user's defaults.
+    """
+    said = os.environ.get(SWITCH, "").lower()
+    wished = said not in ("no", "0", "off") if said else load_defaults().record
+    return wished and (said == "all" or not simulated) and find_spec("mcap") is not None

@@ -4,10 +4,8 @@ import fcntl
 import os
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from importlib.util import find_spec
 from pathlib import Path
 
-from config.defaults import load_defaults
 from config.reading import open_regular, read_regular, regular
 from config.saving import save_file
 from missions.library.folders import state_folder
@@ -24,9 +22,6 @@ ORDER = ".order"
 """The file with the names of the records in the order in which they were made, each ended by a zero byte."""
 
 MAX_ORDER_BYTES = 1 << 20
-
-SWITCH = "MISSION_RECORD"
-"""A variable of the environment, before the user's default: ``no``, ``yes``, or ``all``, simulated runs too."""
 
 
 def records_folder() -> Path:
@@ -54,16 +49,6 @@ def records_in(folder: Path) -> list[Path]:
     except FileNotFoundError:
         return []
     return [path for _, path in sorted(found, reverse=True)]
-
-
-def wanted(*, simulated: bool = False) -> bool:
-    """Say whether a run is recorded by default: not where the user does not want it, or what writes records lacks.
-
-    Raises InvalidFileError for the user's defaults.
-    """
-    said = os.environ.get(SWITCH, "").lower()
-    wished = said not in ("no", "0", "off") if said else load_defaults().record
-    return wished and (said == "all" or not simulated) and find_spec("mcap") is not None
 
 
 def make_room(folder: Path, now: float) -> list[str]:

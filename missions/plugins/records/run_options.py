@@ -1,29 +1,23 @@
 """``mission run --record``: a run kept in a file, from before its beginning to its end."""
 
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from datetime import timedelta
 from pathlib import Path
 from types import TracebackType
-from typing import ParamSpec, Self
+from typing import Self
 
 import click
 
-from config.reading import files_read
 from drivers.api import DeviceStatus
 from drivers.api.quick import dataclass
 from drivers.clock import time_of_day
-from missions.cli.orders import pad_of
-from missions.control.pictures import Pictures
+from missions.cli.session import RunSession
 from missions.executive.events import FaultRaised
-from missions.executive.executive import Result
-from missions.executive.stream import Listener
 from missions.plugins.records import ring
-from missions.plugins.records.options import RecordOptions
+from missions.plugins.records.options import RecordOptions, recorded_by_default
 from missions.plugins.records.recording.budget import FRAMES, LIMIT
 from missions.request import RunRequest
-from missions.runner import Runner
 
 ENDING = ".mcap"
 """What the name of a record ends in."""
@@ -47,7 +41,7 @@ def record_wish(options: RecordOptions, request: RunRequest) -> RecordWish | Non
     Raises click.UsageError for options that could only be ignored.
     """
     record, asked = options.record, options.record is not None
-    if record is None and not options.no_record and ring.wanted(simulated=request.simulation is not None):
+    if record is None and not options.no_record and recorded_by_default(simulated=request.simulation is not None):
         record = _default_folder()
     if record is None:
         if options.record_limit is not None or options.record_frames is not None or options.overwrite:
@@ -80,73 +74,44 @@ def _new(folder: Path, name: str) -> Path:
     return next((path for path in numbered if not path.exists()), folder / f"{name}{ENDING}")
 
 
-P = ParamSpec("P")
-
-
-def both(one: Callable[P, object], other: Callable[P, object]) -> Callable[P, None]:
-    """Return what calls both."""
-
-    def call(*args: P.args, **kwargs: P.kwargs) -> None:
-        one(*args, **kwargs)
-        other(*args, **kwargs)
-
-    return call
-
-
 class Recording:
-    """Records the run of an order: it makes the ``runner``, and is a context around the run.
+    """Records the run of a ``session``: a context around the run.
 
     What is missing from the record in the end is said on stderr. ``__enter__``, which begins the record before anything
     has moved, raises click.BadParameter where that cannot be.
     """
 
-    def __init__(
-        self,
-        wish: RecordWish,
-        order: RunRequest,
-        *,
-        listeners: Sequence[Listener],
-        give_up: Callable[[Result], None],
-        pictures: Pictures,
-    ) -> None:
+    def __init__(self, wish: RecordWish, session: RunSession) -> None:
         from missions.plugins.records.recording.recorder import Recorder  # noqa: PLC0415 - a run without a record needs none
 
-        self._wish = wish
-        self._order = order
+        self._wish, self._session = wish, session
         self._recorder = recorder = Recorder(
             wish.path,
             limit=wish.limit,
             frames=wish.frames,
-            patient=order.simulation == "fast",
+            patient=session.request.simulation == "fast",
             overwrite=wish.overwrite,
         )
-        with files_read() as self._files:
-            self.runner = Runner(
-                order,
-                listeners=[*listeners, recorder],
-                give_up=give_up,
-                on_moment=recorder.moment,
-                on_view=both(recorder.view, pictures.view),
-                on_frame=both(recorder.frame, pictures.frame),
-                pad=pad_of(order),
-            )
-        recorder.watch(self.runner.root)
+        session.listen(recorder)
+        session.runner.observe(recorder.moment, recorder.view, recorder.frame)
+        session.outputs.append(lambda: self.path if self.begun else None)
+        recorder.watch(session.runner.root)
         self.begun = True
 
     def __enter__(self) -> Self:
         from missions.plugins.records.recording.gather import contents_of  # noqa: PLC0415 - a run without a record needs none of it
         from missions.plugins.records.recording.outlet import CannotRecordError  # noqa: PLC0415
 
-        wish, runner = self._wish, self.runner
-        if wish.path.resolve() in self._files:
+        wish, session, runner = self._wish, self._session, self._session.runner
+        if wish.path.resolve() in session.files:
             raise click.BadParameter(f"{wish.path} is a file of this very run", param_hint="--record")
         started = time_of_day() - timedelta(seconds=runner.clock.now())
         lag = runner.assembled.robot.lag
         contents = contents_of(
-            self._order,
+            session.request,
             runner.plan,
             runner.config,
-            self._files,
+            session.files,
             started=started,
             command=("mission", *sys.argv[1:]),
             lag=lag.seconds if lag.learnt else None,
@@ -176,5 +141,11 @@ class Recording:
         return self._recorder.path
 
     def _report(self, notice: DeviceStatus) -> None:
-        stream, now = self.runner.stream, self.runner.clock.now()
-        stream.emit(FaultRaised(now, notice.device, notice.kind, notice.what, notice.hint))
+        runner = self._session.runner
+        runner.stream.emit(FaultRaised(runner.clock.now(), notice.device, notice.kind, notice.what, notice.hint))
+
+
+def record_run(options: RecordOptions, session: RunSession) -> AbstractContextManager[object]:
+    """Record a run, as the options ask. Raises click.UsageError."""
+    wish = record_wish(options, session.request)
+    return nullcontext() if wish is None else Recording(wish, session)

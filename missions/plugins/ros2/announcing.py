@@ -1,8 +1,8 @@
 """``mission run --ros2``: tells ROS 2 how a run goes, as topics for RViz, rqt and nodes of one's own."""
 
 import json
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from math import cos, nan, sin
 from queue import Empty, SimpleQueue
 from threading import Event as Signal
@@ -14,8 +14,10 @@ from drivers.clock import SystemClock, since_1970
 from drivers.errors import NotConnected
 from drivers.ros2.declared import ZenohKeys
 from missions.cli.origin import robot_file
+from missions.cli.session import RunSession
 from missions.executive.events import Ended, Event, NodeChanged, PerceptSeen, Started, Ticked, VariableSet, plain
 from missions.library.drivers import load_robot
+from missions.plugins.ros2.options import Ros2Options
 
 if TYPE_CHECKING:
     from drivers.ros2.node import Node
@@ -183,11 +185,19 @@ def _detection(kind: str, told: Any) -> Mapping[str, object]:
 
 
 def announcer_of(robot: str | None, router: str | None, domain: int | None = None) -> Announcer:
-    """Return what tells of a run, by the router and in the domain of its robot's file, or those that are named."""
+    """Return the announcer for a robot: by the router and in the domain of its file, or those that are named."""
     from drivers.ros2.make import domain_of  # noqa: PLC0415 - an extra
     from drivers.ros2.session import access_of  # noqa: PLC0415
 
-    config = load_robot(robot_file(robot))
-    section = config.sections.get("ros2")
+    section = load_robot(robot_file(robot)).sections.get("ros2")
     keys = ZenohKeys() if section is None else section.keys
     return Announcer(access_of(keys, router or ""), domain_of(keys) if domain is None else domain)
+
+
+@contextmanager
+def announce(options: Ros2Options, session: RunSession) -> Iterator[None]:
+    """Tell ROS 2 of a run."""
+    request = session.request
+    with announcer_of(request.robot, options.ros2_router, request.ros2_domain) as announcer:
+        session.listen(announcer)
+        yield

@@ -10,7 +10,7 @@ from threading import Lock, Thread
 from typing import TYPE_CHECKING
 
 from drivers.ros2.actions import ABORTED, CANCELLED, CANCELLING, SUCCEEDED, ActionServer, Goal
-from missions.plugins.fleet.joining import is_there
+from missions.library.shipped import is_there
 
 if TYPE_CHECKING:
     from drivers.ros2.node import Node

@@ -16,6 +16,7 @@ from drivers.transport.programs import end_command, tcp_holders
 from missions.cli.numbers import Whole
 from missions.cli.root import SUCCESS
 from missions.plugins.records import ring
+from missions.plugins.records.options import recorded_by_default
 
 PORT = 8642
 
@@ -93,7 +94,7 @@ def command(
     access = Access(*tokens.kept_tokens(), keep=tokens.keep_tokens) if keep_tokens else Access()
     listener = _listen(host, port)
     with closing(listener):
-        kept = ring.wanted() if record is None else record
+        kept = recorded_by_default() if record is None else record
         place = Place(host, listener.getsockname()[1], names, certificate, key, kept, access, leash)
 
         def begun() -> None:

@@ -10,7 +10,7 @@ from typing import IO
 
 from missions.control.commands import BadMessage
 from missions.control.searching import is_listed
-from missions.plugins.records.ring import SWITCH
+from missions.plugins.records.options import SWITCH
 from missions.plugins.studio.wishes import AddTask, Start
 
 BEGIN_TIME = 60.0

@@ -1,11 +1,7 @@
 """Records of runs, looked at piece by piece: none is read whole, but small ones to compare them or report of them."""
 
-import os
-import struct
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
-from datetime import datetime
 from itertools import pairwise
 from math import inf
 from pathlib import Path
@@ -15,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 from drivers.clock import SystemClock
 from missions.control.commands import BadMessage, Command
 from missions.control.outlet import UNWRITTEN
-from missions.executive.events import Ended
 from missions.plugins.records.comparison.runs import IncomparableError, compared
 from missions.plugins.records.comparison.words import as_json
-from missions.plugins.records.recording.faults import MAX_TIME, InvalidRecordError, message_in, understanding
+from missions.plugins.records.recording.faults import MAX_TIME, message_in, understanding
 from missions.plugins.records.recording.items import EVENTS
+from missions.plugins.records.recording.listing import Opened, about, ended, entry
 from missions.plugins.records.recording.read import Record, began_at, open_record
 from missions.plugins.records.replay.frames import SAME
 from missions.plugins.records.report.page import page
@@ -40,65 +36,11 @@ BUDGET = 0.25
 TOLD = frozenset({*EVENTS.values(), "/feedback", "/state/base"})
 """The topics that a piece of a record is told of."""
 
-BEFORE = 16_000_000
-"""Bytes before a moment that are looked through for what was so then."""
-
 MOST_PLACES = 2000
 """Places of the base's way in one piece."""
 
 LARGEST_WHOLE = 200_000_000
 """Bytes of a record that is made a report of, or compared: that reads it whole."""
-
-TAIL = 4
-"""Chunks at the end of a record in which its end is looked for."""
-
-_TIMES = struct.Struct("<QQ")
-_HEAD = 9  # bytes before what a chunk holds
-
-
-class Opened:
-    """A record, and the pieces of it: ``chunks`` are when each begins and ends (s), in order of time."""
-
-    def __init__(self, path: Path) -> None:
-        self.record = open_record(path)
-        began = began_at(self.record.head)
-        self.chunks = []
-        container = self.record.container
-        with path.open("rb") as file:
-            for span in container.chunk_spans:
-                times = container.times.get(span.start)
-                if times is None:  # it was never closed, and has no index
-                    file.seek(span.start + _HEAD)
-                    found = file.read(_TIMES.size)
-                    times = _TIMES.unpack(found) if len(found) == _TIMES.size else None
-                if times is not None:
-                    self.chunks.append(((times[0] - began) / 1e9, (times[1] - began) / 1e9, span))
-        self.chunks.sort(key=lambda chunk: chunk[0])
-
-    def piece(self, first: int, last: int) -> Record:
-        """Return the record of these chunks alone."""
-        whole = self.record
-        spans = [span for _, _, span in self.chunks[first:last]]
-        container = replace(whole.container, spans=spans)
-        return Record(container, whole.head, whole.files, self.until, None)
-
-    @property
-    def until(self) -> float:
-        """When it ends."""
-        return max((end for _, end, _ in self.chunks), default=0.0)
-
-    def end(self) -> Ended | None:
-        """Return how the run ended, where the end of the record tells it."""
-        return self.piece(max(0, len(self.chunks) - TAIL), len(self.chunks)).end()
-
-    def before(self, time: float) -> Iterator[tuple[int, int]]:
-        """Yield the chunks that begin up to ``time``, one by one from the last, for ``BEFORE`` bytes."""
-        last, size = bisect_left(self.chunks, time + SAME, key=lambda chunk: chunk[0]), 0
-        while last > 0 and size < BEFORE:
-            span = self.chunks[last - 1][2]
-            size += span.end - span.start
-            yield last - 1, last
-            last -= 1
 
 
 def listed(command: Command) -> Json:
@@ -119,9 +61,9 @@ def record(command: Command) -> Json:
             break  # never between chunks that begin at once: the next piece would begin with the first of them again
         gathered.add(opened.piece(last, last + 1))
         last += 1
-    told = {**_about(opened.record), "until": opened.until, **gathered.told()}
+    told = {**about(opened.record), "until": opened.until, **gathered.told()}
     if first == 0:
-        told |= {**_ended(opened.end()), "drawing": to_json(opened.record.drawing())}
+        told |= {**ended(opened.end()), "drawing": to_json(opened.record.drawing())}
     if last < len(opened.chunks):
         told["more"] = opened.chunks[last][0]
     return told
@@ -169,35 +111,6 @@ def path_of(name: str) -> Path:
     if found is None:
         raise BadMessage("no_such_record", f"there is no record '{name[:80]}' in {shown_folder()}")
     return found
-
-
-def entry(path: Path) -> Json:
-    """Return what lists say of a record: `trouble` where it cannot be read."""
-    told: Json = {"name": path.name, "bytes": path.stat().st_size}
-    if (name := os.fsencode(path.name).decode("utf-8", "replace")) != path.name:
-        trouble = "the name of this file is not text in UTF-8, so no link leads to it: rename the file"
-        return {**told, "name": name, "began": path.stat().st_mtime, "trouble": trouble}
-    try:
-        opened = Opened(path)
-        return told | _about(opened.record) | {"seconds": opened.until} | _ended(opened.end())
-    except (InvalidRecordError, OSError) as error:
-        return told | {"began": path.stat().st_mtime, "trouble": str(error)[:500]}
-
-
-def _about(found: Record) -> Json:
-    head = found.head
-    began = datetime.fromisoformat(head.started).timestamp()
-    return {
-        "mission": head.mission,
-        "robot": head.robot,
-        "simulated": head.simulate,
-        "world": head.world,
-        "began": began,
-    }
-
-
-def _ended(end: Ended | None) -> Json:
-    return {"result": "", "reason": ""} if end is None else {"result": end.result, "reason": end.reason}
 
 
 class _Gathered:

@@ -11,9 +11,10 @@ from missions.control.pictures import found_in
 from missions.executive.events import VariableSet
 from missions.executive.telling import percept_of
 from missions.plugins.records.recording.faults import message_in, understanding
+from missions.plugins.records.recording.listing import Opened
 from missions.plugins.records.recording.tagged_values import from_json, view_in
 from missions.plugins.records.replay.frames import SAME
-from missions.plugins.studio.looking_back import Opened, messages, path_of, place_in
+from missions.plugins.studio.looking_back import messages, path_of, place_in
 from missions.plugins.studio.wishes import Moment
 from missions.trees.drawing import ACTIVE
 from missions.trees.words import variable_in_words

@@ -1,7 +1,6 @@
 """A game pad beside a mission: whoever holds its shoulder button has the wheels, and the mission waits."""
 
 from collections.abc import Callable
-from functools import partial
 from threading import Event, Thread
 
 from behaviours.run import log
@@ -11,7 +10,7 @@ from drivers.errors import NotConnected
 from drivers.transport.guard import guarded
 from missions.control.pilot import Pilot
 from missions.plugins.teleop.layout import UnknownPadError
-from missions.plugins.teleop.pad import Pad, pad_at
+from missions.plugins.teleop.pad import Pad
 from missions.plugins.teleop.turns import drive_by_hand
 
 RETRY = 1.0
@@ -92,8 +91,3 @@ class Beside:
 def _unseen(line: str) -> None:
     """Show a line to nobody: the mission shows its own."""
     del line
-
-
-def pad_beside(node: str) -> Callable[[Base, Clock, Report], Beside]:
-    """Return what makes the reader of the pad at ``node``, for a base."""
-    return lambda base, clock, report: Beside(base, partial(pad_at, node, clock), clock, report=report)

@@ -1,7 +1,5 @@
 """The option of `mission run` for a game pad beside the mission."""
 
-from dataclasses import replace
-
 from drivers.api.quick import dataclass
 from missions.options import option
 from missions.plugins.teleop import FIRST_PAD
@@ -19,6 +17,7 @@ class PadOptions(RunOptions):
         group=WHERE,
     )
 
-    def adapt(self, request: RunRequest) -> RunRequest:
-        """Return the request with the pad."""
-        return request if self.pad is None else replace(request, pad=self.pad)
+    def check(self, request: RunRequest) -> None:
+        """Raise ValueError for a pad in simulated time."""
+        if self.pad is not None and request.simulation == "fast":
+            raise ValueError("--pad is for hands, in real time: it goes with --simulate wire, not with fast")

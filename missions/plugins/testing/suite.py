@@ -307,6 +307,12 @@ def is_test_file(path: Path) -> bool:
     return path.name.endswith(TESTS)
 
 
+def check_tests(path: Path, behaviours: Sequence[Path]) -> str:
+    """Return how many cases a test file has. Raises InvalidFileError with every mistake in it."""
+    cases = len(load_suite(path, behaviours))
+    return f"{cases} case{'s' if cases > 1 else ''}"
+
+
 # Finding test files: by path, by folder, or by the mission that they test.
 
 

@@ -1,18 +1,23 @@
 """``mission run --view``: the run on the whole terminal, and its lines afterwards, as they would be without it."""
 
 import io
+import sys
 from collections import deque
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from types import TracebackType
 from typing import Self
 
+import click
 from rich.text import Text
 
 from drivers.clock import SystemClock
 from missions.cli.live import Watcher
+from missions.cli.session import RunSession
 from missions.executive.events import CommandSent, Event, Logged, PerceptSeen, Ticked, VariableSet
 from missions.executive.parts import PartState, PartsWatch
+from missions.plugins.view.options import ViewOptions
+from missions.plugins.view.terminal import unviewable
 from missions.plugins.view.viewer import Viewer
 from missions.runner import Runner
 from missions.trees.draw import drawing_of
@@ -94,3 +99,16 @@ class LiveView:
         self._written.seek(0)
         self._written.truncate()
         return lines
+
+
+@contextmanager
+def view_run(options: ViewOptions, session: RunSession) -> Iterator[None]:
+    """Show a run on the whole terminal. Raises click.UsageError where that cannot be."""
+    del options
+    if session.out is sys.stderr:
+        raise click.UsageError("--view takes the whole terminal, --json leaves it to a program: one of them")
+    if why := unviewable(session.out):
+        raise click.UsageError(why)
+    if isinstance(session.display, Watcher):
+        session.show_by(LiveView(session.runner, session.display))
+    yield

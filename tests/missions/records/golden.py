@@ -56,7 +56,8 @@ def keep(name: str, path: Path) -> None:
     order = MISSIONS[name]
     recorder = Recorder(path, patient=True, frames=0.0)
     with files_read() as files:
-        runner = Runner(order, listeners=[recorder], on_moment=recorder.moment)
+        runner = Runner(order, listeners=[recorder])
+        runner.observe(recorder.moment)
     recorder.watch(runner.root)
     contents = contents_of(order, runner.plan, runner.config, files, started=time_of_day())
     head = replace(contents.head, paths={}, versions={"missiontree": version("missiontree")})

@@ -10,9 +10,10 @@ from threading import enumerate as enumerate_threads
 import pytest
 
 from drivers.clock import ManualClock
-from missions.plugins.fleet.member import SPREAD, FleetLatch, Member, Own
+from missions.plugins.fleet.member import SPREAD, Member, Own
 from missions.plugins.fleet.roster import Roster
 from missions.plugins.fleet.words import Address, Answer, Met, Stop
+from missions.plugins.tasks.fleet_latch import FleetLatch
 from tests.missions.service.fleets import CountingBody
 from tests.missions.service.test_fleet_operator import Fleet
 

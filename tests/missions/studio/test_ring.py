@@ -9,7 +9,7 @@ import pytest
 
 from config.defaults import FILE, config_folder, keep_default
 from drivers.clock import time_of_day
-from missions.plugins.records import ring
+from missions.plugins.records import options, ring
 from missions.plugins.records.options import RecordOptions
 from missions.plugins.records.run_options import record_wish
 from missions.request import RunRequest
@@ -135,7 +135,7 @@ def test_a_run_tells_which_records_it_removes(
         path = written(folder, name, age=age)
         now = time_of_day().timestamp()
         os.utime(path, (now - age, now - age))
-    monkeypatch.setenv(ring.SWITCH, "yes")
+    monkeypatch.setenv(options.SWITCH, "yes")
     record_wish(RecordOptions(), RunRequest("m", robot="turtlebot2"))
     told = f"mission: removed old records from {folder}: old.mcap (over 30 days old)"
     assert capsys.readouterr().err.strip() == told
@@ -180,7 +180,7 @@ def test_the_users_default_says_whether_runs_are_recorded_and_the_environment_go
     monkeypatch.setenv("MISSION_RECORD", said)
     config_folder().mkdir(parents=True, exist_ok=True)
     (config_folder() / FILE).write_text(default, encoding="utf-8")
-    assert (ring.wanted(), ring.wanted(simulated=True)) == (robot, simulated)
+    assert (options.recorded_by_default(), options.recorded_by_default(simulated=True)) == (robot, simulated)
 
 
 def test_a_run_on_a_robot_is_recorded_unless_somebody_says_no(

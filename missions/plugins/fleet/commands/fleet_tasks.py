@@ -19,9 +19,9 @@ from missions.cli.declared import params_option
 from missions.cli.numbers import Whole
 from missions.cli.root import FAILURE, SUCCESS
 from missions.language.expressions import ExpressionError, parse
-from missions.library.shipped import load_mission
+from missions.library.shipped import MISSION_NAME, load_mission
 from missions.plugins.fleet.operator import Operator, operating
-from missions.plugins.fleet.words import MISSION, TASK, Address, Keep, ToldTask
+from missions.plugins.fleet.words import TASK, Address, Keep, ToldTask
 from missions.plugins.tasks.task import Interrupted, TaskError
 
 # Being at a fleet for a command of a terminal.
@@ -105,7 +105,7 @@ def run(
 
 def _check(mission: str, where: str, on: str, number: str | None) -> None:
     """Raise click.UsageError for what no robot would understand."""
-    if not MISSION.fullmatch(mission):
+    if not MISSION_NAME.fullmatch(mission):
         raise click.UsageError(f"'{mission}' is no name in a library: a fleet's robots read no other's files")
     if number is not None and (not TASK.fullmatch(number) or on == "all"):
         raise click.UsageError("--id is that of one task, as `mission fleet run` printed it")

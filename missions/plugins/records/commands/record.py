@@ -57,8 +57,8 @@ def list_command(folder: Path | None) -> None:
     Those are kept for 30 days, and 2 GB of them. `mission run --no-record` keeps nothing; `record: false` in
     defaults.yaml, or MISSION_RECORD=no in the environment, nothing of any run, unless --record asks for it.
     """
+    from missions.plugins.records.recording.listing import entry  # noqa: PLC0415 - it needs mcap, as open_record says
     from missions.plugins.records.ring import records_folder, records_in  # noqa: PLC0415
-    from missions.plugins.studio.looking_back import entry  # noqa: PLC0415 - it needs mcap, as open_record says
 
     where = records_folder() if folder is None else folder
     with _in_words():

@@ -1,15 +1,19 @@
 """What is to be said of a record, in lines: what it is of, what is in it, what is missing, and what to do with it."""
 
 import shlex
+import sys
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from math import ceil
+from pathlib import Path
 
 from missions.cli.columns import in_columns
-from missions.plugins.records.recording.read import Record
-from missions.trees.states import TIME_TOLERANCE
+from missions.plugins.records.recording.read import Record, open_record
+from missions.trees.draw import at
+from missions.trees.drawing import Drawing
+from missions.trees.states import TIME_TOLERANCE, now_of
 
 LABEL = 10
 """Letters that the names of the first lines take."""
@@ -102,3 +106,15 @@ def _hints(record: Record) -> Iterator[str]:
     yield f"mission show {path} --at {time:.3f}s" + ("" if failure is None else "    the first failure of a node")
     yield f"mission record report {path}"
     yield f"mission record export {path} --csv FOLDER"
+
+
+def drawing_of_record(path: Path, time: float | None) -> Drawing:
+    """Return the tree of a record, with its statuses at ``time`` in seconds, if one is given."""
+    record = open_record(path)
+    drawing = record.drawing()
+    if time is None:
+        return drawing
+    if time > record.until:
+        sys.stderr.write(f"mission: {path} ends at {record.until:.2f} s, and is shown as it stood then\n")
+        time = record.until
+    return at(drawing, {key: now_of(change) for key, change in record.statuses(time).items()}, time)

@@ -11,10 +11,8 @@ from config.faults import Source
 from config.robot import RobotConfig
 from drivers.api import ignore
 from missions.cli.live import Watcher
-from missions.cli.run import EXIT_CODES
-from missions.cli.running import tell_unreachable
+from missions.cli.running import EXIT_CODES, tell_unreachable
 from missions.control.control import ControlSocket
-from missions.control.pictures import Pictures
 from missions.executive.executive import Result
 from missions.language.document import check_plan
 from missions.language.notes import Lookup
@@ -68,10 +66,11 @@ def run_plan(
     picture of the camera that was searched, on its thread.
     """
     watcher = Watcher(out or sys.stdout)
-    runner = Runner(order, listeners=[watcher], plan=plan, on_frame=on_frame)
+    runner = Runner(order, listeners=[watcher], plan=plan)
+    runner.observe(on_frame=on_frame)
     watcher.watch(runner.root)
     before()
-    control = ControlSocket(runner, Pictures())
+    control = ControlSocket(runner)
     with watcher, control:
         tell_unreachable(control)
         return runner.run(), runner.root

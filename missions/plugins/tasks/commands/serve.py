@@ -1,7 +1,8 @@
 """``mission task serve``: the server that does the tasks of ``mission task``, without a screen of its own."""
 
 import sqlite3
-from contextlib import ExitStack, closing, suppress
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack, closing, nullcontext, suppress
 from functools import partial
 from pathlib import Path
 from threading import Event
@@ -9,16 +10,15 @@ from threading import Event
 import click
 
 from missions.cli.declared import declared_options
-from missions.cli.leash import studio_beside
 from missions.cli.root import SUCCESS
 from missions.executive.signals import Signals
 from missions.library.folders import state_folder
-from missions.plugins.fleet.joining import Joining, fleet_options, joined, joining
-from missions.plugins.fleet.member import FleetLatch
-from missions.plugins.studio.options import StudioOptions
+from missions.library.plugins import service
+from missions.options import filled
 from missions.plugins.tasks.channels import channels_of
 from missions.plugins.tasks.courier import Courier
 from missions.plugins.tasks.disk import DiskFull, in_a_line, trouble
+from missions.plugins.tasks.fleet_latch import FleetLatch
 from missions.plugins.tasks.lock import Taken, locked, run_lock, server_lock
 from missions.plugins.tasks.notices import channel_of
 from missions.plugins.tasks.outbox import Outbox
@@ -28,7 +28,6 @@ from missions.plugins.tasks.serve import Server
 from missions.plugins.tasks.task import TaskError
 from missions.plugins.tasks.times import local_zone, wall_clock
 from missions.plugins.tasks.work import Child
-from missions.request import Simulate
 
 LEAVE = 60.0
 """Seconds that a run without a server has to come to rest; it needs a few."""
@@ -40,27 +39,24 @@ FLUSH = 60.0
 """Seconds for which ``--once`` waits until every notice was tried."""
 
 
+OPTIONS = {name: cls for name in ("studio_options", "fleet_options") if (cls := service(name)) is not None}
+"""Options that other plug-ins add."""
+
+
 @click.command("serve", epilog="Example: mission task serve --once")
 @click.option("--once", is_flag=True, help="End when nothing is due any more.")
-@declared_options(StudioOptions)
-@fleet_options
-def serve_tasks(
-    once: bool,
-    studio: bool,
-    fleet: str | None,
-    as_name: str | None,
-    robot: str | None,
-    simulate: Simulate | None,
-    world: str | None,
-) -> int:
+@declared_options(*OPTIONS.values())
+def serve_tasks(once: bool, **values: object) -> int:
     """Do the tasks of the queue, one after another, as they are due. Ctrl-C stops what runs, safely, and ends it.
 
     `mission task add` fills the queue. What was interrupted, by a power cut or else, is told, and given up, or tried
     again where its task says so. With --fleet, others see this robot, stop it, and give it tasks.
     """
     try:
-        member = joining(fleet, as_name, robot, simulate, world)
-        with studio_beside(wanted=studio):
+        member = None
+        if (fleet := OPTIONS.get("fleet_options")) is not None:
+            member = service("fleet_membership")(filled(fleet, values))
+        with service("serving_studio")() if values.get("studio") else nullcontext():
             serve(state_folder(), once=once, member=member)
     except TaskError as error:
         hint = f"\n  try: {error.hint}" if error.hint else ""
@@ -68,8 +64,12 @@ def serve_tasks(
     return SUCCESS
 
 
-def serve(where: Path, *, once: bool, member: Joining | None = None) -> None:
-    """Serve the queue in the folder ``where``, as a ``member`` of a fleet if that is wished.
+Membership = Callable[[Path, FleetLatch], AbstractContextManager[object]]
+"""The context in which a server is in a fleet, with its state folder and the stop of the fleet."""
+
+
+def serve(where: Path, *, once: bool, member: Membership | None = None) -> None:
+    """Serve the queue in the folder ``where``, as a ``member`` of a fleet, if any.
 
     Raises TaskError where another server does, or it cannot be used.
     """
@@ -90,8 +90,7 @@ def serve(where: Path, *, once: bool, member: Joining | None = None) -> None:
         closed.enter_context(Signals(server.stop))
         courier = closed.enter_context(Courier(path, partial(channel_of, print_line=click.echo), wall_clock, _tell))
         if member is not None:
-            closed.enter_context(joined(member, where, latch))
-            _tell(f"in fleet '{member.fleet}' as '{member.name}'")
+            closed.enter_context(member(where, latch))
         _tell(f"serving {path}")
         server.run(once=once)
         if once:

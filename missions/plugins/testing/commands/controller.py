@@ -14,6 +14,7 @@ from missions.cli.commands import LazyGroup
 from missions.cli.names import CONTROLLER
 from missions.cli.numbers import Whole
 from missions.cli.outputs import writing
+from missions.plugins.pictures.figures import NO_PLOTS
 from missions.plugins.testing.controllers.bench import (
     COMPARED,
     CONTROLLERS,
@@ -29,7 +30,6 @@ from missions.plugins.testing.controllers.scenario import DELAYS, STAMPS
 LAG = TrackFace.lag
 """Seconds that a base is believed to take until that is learnt, as missions have it."""
 
-NO_PLOTS = "a picture needs Matplotlib: pip install 'missiontree[plots]'"
 
 picture_option = click.option(
     "-o",

@@ -22,8 +22,7 @@ from missions.cli.numbers import Whole
 from missions.cli.options import pairs
 from missions.cli.origin import chosen_robot
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
-from missions.cli.run import EXIT_CODES
-from missions.cli.running import Outputs
+from missions.cli.running import EXIT_CODES
 from missions.cli.running import run as run_watched
 from missions.plugins.testing.many import cores
 from missions.plugins.testing.sweep.design import VariationError, Wish, design, told
@@ -225,5 +224,5 @@ def _watch(sweep: Sweep, seed: int, save_world: Path | None) -> int:
     if save_world is not None:
         write_world(sweep, seed, save_world)
         click.echo(sweep.command(seed, save_world))
-    result = run_watched(sweep.order(seed), Outputs(), sys.stdout, lambda _: None)
+    result = run_watched(sweep.order(seed), sys.stdout, lambda _: None)
     return EXIT_CODES[result.result]

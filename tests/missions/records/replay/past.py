@@ -48,7 +48,8 @@ def past_of(
         if act is not None:
             act(runner, moment)
 
-    runner = Runner(order, listeners=[events.append], limits=IN_PROCESS, on_moment=remember)
+    runner = Runner(order, listeners=[events.append], limits=IN_PROCESS)
+    runner.observe(remember)
     if lag is not None:
         runner.assembled.robot.lag.believe(lag, learnt=True)
     runner.run()
@@ -62,7 +63,8 @@ def past_of_case(case: Case, patch: pytest.MonkeyPatch) -> tuple[Verdict, Past]:
     def remembering(order: RunRequest, *, listeners: Sequence[Listener], **options: Any) -> Runner:
         events: list[Event] = []
         moments: list[TickRecord] = []
-        runner = Runner(order, listeners=[*listeners, events.append], on_moment=moments.append, **options)
+        runner = Runner(order, listeners=[*listeners, events.append], **options)
+        runner.observe(moments.append)
         past.append(Past(runner, events, moments))
         return runner
 

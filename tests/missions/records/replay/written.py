@@ -28,7 +28,8 @@ def record_of(order: RunRequest, path: Path, *, act: Callable[[Runner, TickRecor
             act(runner, moment)
 
     with files_read() as read:
-        runner = Runner(order, limits=IN_PROCESS, listeners=[recorder], on_moment=remember)
+        runner = Runner(order, limits=IN_PROCESS, listeners=[recorder])
+        runner.observe(remember)
     recorder.watch(runner.root)
     config = load_robot(find("robots", order.robot or DEFAULT_ROBOT))
     contents = contents_of(order, runner.plan, config, read, started=datetime(2026, 11, 21, 14, 3, tzinfo=UTC))

@@ -73,7 +73,8 @@ def play(plan: Plan, ticks: int) -> Mapping[str, NodeFigures]:
     clock, events, moments = ManualClock(), list[Event](), list[TickRecord]()
     run = Run(clock)
     root = build(plan, run, lambda _: Robot())
-    executive = Executive(root, run, Stream([events.append]), rate=1 / PERIOD, on_moment=moments.append)
+    executive = Executive(root, run, Stream([events.append]), rate=1 / PERIOD)
+    executive.observe(moments.append)
     for _ in range(ticks):
         if executive.tick() is not RUNNING:
             break

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from docs.dumps import GALLERY, IN_EVERY_FORM, LINKED, PAGES, ROOT, drawing, dump, dumps, is_stale, look_alike
+from missions.cli.show import FORMS, SUFFIXES
 from missions.library.shipped import shipped_missions
-from missions.plugins.pictures.forms import FORMS, SUFFIXES
 
 OF_PY_TREES = (".unicode", ".ascii", ".dot")
 """Forms that py_trees and pydot draw, each release in its own way."""

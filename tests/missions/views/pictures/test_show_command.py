@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from missions.cli.show import FORMS, SUFFIXES
 from missions.executive.events import NodeChanged
 from missions.library.shipped import load_mission
-from missions.plugins.pictures.forms import FORMS, PAIR_FORMS, SUFFIXES
+from missions.plugins.pictures.forms import PAIR_FORMS
 from missions.plugins.records.recording.head import Contents, Head
 from missions.plugins.records.recording.items import packed, unpacked
 from missions.plugins.records.recording.writer import RecordWriter, Sink
