@@ -7,13 +7,13 @@ import termios
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Protocol
-
-import serial
+from typing import TYPE_CHECKING, Protocol
 
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.transport.ports import explain, open_port
+
+if TYPE_CHECKING:  # a simulated bus opens no port
+    import serial
 
 _ADAPTERS = Path("/sys/bus/usb-serial/devices")
 
@@ -58,7 +58,7 @@ Dial = Callable[[str, str, int, Clock], Line]
 class SerialLine:
     """A serial port that this process alone has open: a ``Line`` that waits in ``select``, never in a loop."""
 
-    def __init__(self, who: str, port: serial.Serial, clock: Clock) -> None:
+    def __init__(self, who: str, port: "serial.Serial", clock: Clock) -> None:
         self.latency = 0.0
         self._who = who
         self._port = port
@@ -111,11 +111,15 @@ class SerialLine:
         self.latency = quicken(self._port)
 
     def _gone(self, error: BaseException) -> NotConnected:
+        from drivers.transport.ports import explain  # noqa: PLC0415 - as in ``open_line``
+
         return explain(self._who, str(self._port.port), error)
 
 
 def open_line(who: str, port: str, baud: int, clock: Clock) -> SerialLine:
     """Open a serial port for this process alone. Raises NotConnected, with what to try."""
+    from drivers.transport.ports import open_port  # noqa: PLC0415 - a simulated bus opens no port
+
     line = SerialLine(who, open_port(who, port, baud, timeout=0), clock)
     line.quicken()
     return line
@@ -126,7 +130,7 @@ def timer_of(port: str, *, adapters: Path = _ADAPTERS) -> Path:
     return adapters / Path(port).resolve().name / "latency_timer"
 
 
-def quicken(port: serial.Serial, *, adapters: Path = _ADAPTERS) -> float:
+def quicken(port: "serial.Serial", *, adapters: Path = _ADAPTERS) -> float:
     """Ask a USB adapter not to hold bytes back; return for how long it still may, in seconds (0 if it has no timer)."""
     with suppress(ValueError, OSError, NotImplementedError):  # only some know how; the timer tells what came of it
         port.set_low_latency_mode(True)

@@ -27,7 +27,7 @@ class Sockets:
         self.clock = ManualClock()
         self.devices: dict[str, WireDevice] = {}
         patch.setattr("drivers.finding.asking.open_port", self._open)
-        patch.setattr("drivers.transport.adapter.open_port", self._open)
+        patch.setattr("drivers.transport.ports.open_port", self._open)
         serial = adapter.SerialLine
         patch.setattr(
             "drivers.transport.adapter.SerialLine",

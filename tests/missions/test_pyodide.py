@@ -14,7 +14,7 @@ from tests.commands_in_turn import code_of, parsed
 PYODIDE = Path(sys.prefix) / "pyodide" / "node_modules" / "pyodide"
 """Where the Makefile installs it."""
 
-PURE = ("click", "py-trees", "pydot", "pyparsing", "pyserial", "pyyaml", "rich")
+PURE = ("click", "py-trees", "pydot", "pyparsing", "pyyaml", "rich")
 """Distributions that the wheel needs there; their compiled parts, which are optional, stay behind."""
 
 COMMANDS = [
