@@ -209,6 +209,8 @@ def test_a_start_imports_only_the_plug_ins_that_it_asks_for(
 ) -> None:
     modules = modules_of(tmp_path, *(str(tmp_path / "a.mcap") if each == "RECORD" else each for each in arguments))
     assert plugins_among(modules) <= asked
+    if "turtlebot2" in arguments:
+        assert not [each for each in modules if each.startswith("drivers.legs")]
     if arguments == ("stop",):
         assert not {"missions.plugins", "missions.library.vocabulary", "py_trees"} & modules
 
