@@ -7,6 +7,25 @@ from py_trees.common import Status
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf, argument
 from behaviours.run import log
 
+# The leaf that tells somebody who is not there.
+
+
+class Notify(Leaf):
+    """Tell whoever gave the task: a line on the terminal, or a notice the way that the robot file says.
+
+    Succeeds at once; the notice is delivered later, as often as that must be tried.
+    """
+
+    word = "notify"
+    ends = frozenset({"success"})
+    instant = True
+    text: str = argument("text", "what to tell", principal=True)
+
+    def update(self) -> Status:
+        self.run.notify(self.text)
+        self.feedback_message = self.text
+        return SUCCESS
+
 
 class Wait(Leaf):
     """Wait for a while.

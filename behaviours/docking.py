@@ -7,7 +7,7 @@ from typing import Final
 
 from py_trees.common import Status
 
-from behaviours.driving.entrusting import Entrusting
+from behaviours.driving.go_to import Entrusting
 from behaviours.driving.motion import Way, obstacle
 from behaviours.leaf import SUCCESS, argument
 from drivers.api import STILL, BaseState, DockBeam, Pose2D, Ros2, Steering, Velocity

@@ -8,11 +8,10 @@ from py_trees.common import Status
 
 from behaviours.driving.motion import Motion, Way, along, held_up
 from behaviours.feeling import Felt
-from behaviours.joint_motion import RUN_IN
+from behaviours.joint_motion import RUN_IN, Sample
 from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import SUCCESS, argument
 from behaviours.playing import Played
-from behaviours.tracking_error import Sample
 from drivers.api import FALLEN, STILL, Angle, BaseState, Length, Pose2D, Posture, Steering, Velocity
 from drivers.api import Gesture as Movement
 from drivers.api.gait import GaitKeys

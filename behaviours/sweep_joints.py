@@ -5,11 +5,10 @@ from collections.abc import Mapping
 
 from py_trees.common import Status
 
-from behaviours.joint_motion import ON_ARM, RUN_IN, JointMotion
+from behaviours.joint_motion import ON_ARM, RUN_IN, JointMotion, Sample
 from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import argument
 from behaviours.playing import Playing, slowed
-from behaviours.tracking_error import Sample
 from drivers.api import Keyframe
 
 

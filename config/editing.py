@@ -9,7 +9,7 @@ from typing import Any
 from config.faults import InvalidFileError, Mark, Source
 from config.library import HERE
 from config.marked import Listing, Mapping, Node, Scalar, compose
-from config.saving import save_file
+from config.reading import save_file
 
 _BOM = b"\xef\xbb\xbf"
 _FLOW = re.compile(r"\[[^\[\]{}\"'#]*\]")

@@ -103,7 +103,7 @@ def compose(source: Source, faults: list[Diagnostic] | None = None) -> Node:
         raise InvalidFileError([forbidden])
     text, found = source.text, list[Diagnostic]()
     if not text.isascii():
-        from config.mending import plain_blanks  # noqa: PLC0415 - most files need no mending
+        from config.syntax import plain_blanks  # noqa: PLC0415 - most files need no mending
 
         text, found = plain_blanks(source)
     composer = _composed(source, text, found, mending=faults is not None)
@@ -132,7 +132,7 @@ def _composed(source: Source, text: str, found: list[Diagnostic], *, mending: bo
             raise InvalidFileError([*found, *composer.faults]) from None
         except yaml.YAMLError as error:
             fault = syntax_fault(Source(source.name, text), error)
-            from config.mending import mend  # noqa: PLC0415 - as above
+            from config.syntax import mend  # noqa: PLC0415 - as above
 
             better = mend(text, fault, problem_line(error)) if mending else None
             if not torn:  # what follows from a line that was left out is no mistake

@@ -7,10 +7,20 @@ from pathlib import Path
 from config.declared import read_keys
 from config.faults import InvalidFileError, Source
 from config.fields import fields_of
-from config.layout import Layout
 from config.marked import read_source
-from config.people import PersonConfig
-from config.things import PLACE, BoxConfig, DockConfig, EdgeConfig, OnPlan, Place, RoverConfig, ThingConfig, WallConfig
+from config.things import (
+    PLACE,
+    BoxConfig,
+    DockConfig,
+    EdgeConfig,
+    Layout,
+    OnPlan,
+    PersonConfig,
+    Place,
+    RoverConfig,
+    ThingConfig,
+    WallConfig,
+)
 from drivers.api.keys import Mistake, key, keys
 
 MOST_LOST = 0.9

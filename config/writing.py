@@ -12,7 +12,7 @@ from pathlib import Path
 from config.faults import Source
 from config.gesture import GestureConfig, gesture_of
 from config.marked import plain
-from config.saving import sync_folder
+from config.reading import sync_folder
 
 
 def gesture_text(gesture: GestureConfig, file: str = "gesture") -> str:

@@ -21,9 +21,8 @@ from missions.plugins.pictures.forms import PAIR_FORMS
 from missions.plugins.pictures.page.document import without_assets
 from missions.plugins.studio.wishes import protocol
 from missions.trees.draw import at, drawing_of
-from missions.trees.drawing import Drawing
+from missions.trees.drawing import Drawing, schema
 from missions.trees.states import states_at
-from missions.trees.tree_json import schema
 
 ROOT = Path(__file__).parents[1]
 GALLERY = ROOT / "docs" / "gallery"

@@ -42,8 +42,7 @@ from missions.library.drivers import Table
 from missions.options import Option
 from missions.plugins.schema.robots import code, keys_table, robot_reference, table
 from missions.plugins.studio.wishes import COMMANDS
-from missions.plugins.testing.failsafe.ride import stepped_through
-from missions.plugins.testing.failsafe.settings import CHOICES, FAULTS, SILENCE, Setting
+from missions.plugins.testing.failsafe.ride import CHOICES, FAULTS, SILENCE, Setting, stepped_through
 from missions.plugins.testing.failsafe.words import steps
 
 HERE = Path(__file__).parent

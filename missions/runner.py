@@ -24,8 +24,7 @@ from missions.executive.answers import Answers
 from missions.executive.asked import Decided, asked, robot_for
 from missions.executive.build import Substitute, as_it_is, build
 from missions.executive.events import FaultRaised
-from missions.executive.executive import Executive, Result
-from missions.executive.frozen_tick import OnMoment
+from missions.executive.executive import Executive, OnMoment, Result
 from missions.executive.guard import Guard
 from missions.executive.signals import Lifeline, Signals
 from missions.executive.state import state_of

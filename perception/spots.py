@@ -1,14 +1,164 @@
 """Finding balls and boxes of given colours in one picture."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import isnan, pi, sqrt
 from typing import cast
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from perception.api import Box, Image
-from perception.colour import Colour, Contour, Labels, Palette, Places, balanced, in_disc, outline
-from perception.tracks import SEARCH_WIDTH, SMALLEST_SPOT, Spot
+from perception.api import ANY, BALL, BOX, Box, Frame, Gaze, Image, Thing, Wanted
+from perception.geometry import Pinhole
+from perception.tracks import BOX_WIDENING, SEARCH_WIDTH, SMALLEST_SPOT, Spot, ThingSighting, Tracker
+
+# Which of a few named colours each spot of a picture has, in whatever light it was taken.
+
+# Which shape a spot of one colour has, judged by its outline.
+
+Contour = npt.NDArray[np.int32]
+"""The outline of a spot: shape (points, 1, 2), dtype int32, x and y in pixels."""
+
+SOLID = 0.88
+"""The least share of its convex hull that a spot fills: what is looked for has no bays."""
+
+ROUND = 0.81
+"""The least share of the smallest circle around it that a ball fills. A square fills 0.64 of it, a disc all of it, or
+0.85 where it is ten pixels wide; a cube seen from far above, 0.83: that may be taken for a ball."""
+
+SQUARE = 0.79
+"""The least share of the smallest rectangle around it that a box fills, seen from wherever. A disc fills 0.785, but is
+round first."""
+
+MAX_ELONGATION = 4.0
+"""The most times that a thing is as long as it is wide."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """A spot's outline: the upright ``box`` around it, its ``shape``, and ``width`` in pixels as a measure of its size.
+
+    The width is the diameter of a ball, and for a box that of its front as far as that can be told.
+    """
+
+    box: Box
+    shape: str
+    width: float
+
+
+def outline(contour: Contour) -> Outline | None:
+    """Judge the outline of a spot; None where it is neither a ball nor a box.
+
+    A contour goes through the middles of the outermost pixels: half a pixel is added on each side.
+    """
+    x, y, across, down = cv2.boundingRect(contour)
+    hull = np.asarray(cv2.convexHull(contour), np.int32)
+    area, hull_area = _filled(contour), _filled(hull)
+    _, radius = cv2.minEnclosingCircle(hull)
+    (_, _), (one, other), _ = cv2.minAreaRect(hull)
+    short, long = sorted((one + 1.0, other + 1.0))
+    if area < SOLID * hull_area or long > MAX_ELONGATION * short:
+        return None
+    box = Box(float(x), float(y), float(across), float(down))
+    if area >= ROUND * pi * (radius + 0.5) ** 2:
+        return Outline(box, BALL, 2 * sqrt(area / pi))
+    if area >= SQUARE * short * long:
+        return Outline(box, BOX, across / BOX_WIDENING)
+    return None
+
+
+def _filled(contour: Contour) -> float:
+    """Return how many pixels are on and within an outline (Pick: area within the middles, half the rim, and one)."""
+    return cv2.contourArea(contour) + cv2.arcLength(contour, closed=True) / 2 + 1
+
+
+Colour = tuple[int, int, int]
+"""Red, green and blue, each 0..255."""
+
+Places = npt.NDArray[np.float32]
+"""Places (x, y) in the disc of hues and saturations; shape (..., 2), dtype float32."""
+
+Labels = npt.NDArray[np.uint8]
+"""For each spot the number of its colour; shape (height, width), dtype uint8."""
+
+REACH = 0.35
+"""How far from a colour in the disc of hues and saturations (of radius 1) a pixel may be and still have it."""
+
+PALE = 0.55
+"""The saturation above which a pixel is coloured whatever the light; a white wall in candle light has 0.5."""
+
+ENOUGH = 0.05
+"""The share of a picture that must be paler than that to tell the light by it."""
+
+GAIN_LIMITS = (0.6, 1.7)
+"""How much weaker or stronger a channel may be made: beyond, the picture is of one colour, and not the light."""
+
+FAINTEST = 9
+"""By how much (0..255) the strongest channel must exceed the weakest for there to be a hue: below there is noise."""
+
+
+def balanced(picture: Image) -> Image:
+    """Return the picture as in white light: what is grey in warm or cold light becomes grey.
+
+    The light is taken to have the colour of the picture's Minkowski mean of power 6 ("shades of grey", after Finlayson
+    and Trezzi, "Shades of gray and colour constancy", CIC 2004): between the mean of all and the brightest spots. What
+    is too colourful to be grey in any usual light does not count, or a large red box would make the light red.
+    """
+    some = np.stack([picture[::4, ::4, channel].ravel() for channel in range(3)]).astype(np.float32) / np.float32(255)
+    high = np.maximum(np.maximum(some[0], some[1]), some[2])
+    low = np.minimum(np.minimum(some[0], some[1]), some[2])
+    pale = high - low <= PALE * high
+    if pale.mean() > ENOUGH:  # else all is colourful
+        some = some[:, pale]
+    means = np.maximum(np.mean((some * some * some) ** 2, axis=1) ** (1 / 6), 0.01)
+    gains = np.clip(means.mean() / means, *GAIN_LIMITS)
+    levels = np.clip(np.rint(np.arange(256)[:, None] * gains), 0, 255)  # what each becomes, in each channel
+    return cast(Image, cv2.LUT(picture, levels.astype(np.uint8)[None]))
+
+
+class Palette:
+    """Tells apart the colours of ``names``, and tells them from all that has no hue.
+
+    Compared are hue and saturation, as places in a disc: they stay where they are when the light fades. A spot has the
+    colour that is nearest; so the colours that are not looked for (brown wood, grey walls) keep theirs.
+    """
+
+    def __init__(self, colours: Mapping[str, Colour]) -> None:
+        self.names: Sequence[str] = tuple(colours)
+        swatches = np.array([[colour[::-1] for colour in colours.values()]], np.uint8)
+        self.places: Places = in_disc(swatches)[0]
+        self._table = _nearest(self.places)
+
+    def label(self, picture: Image) -> Labels:
+        """Return for each spot the number of its colour in ``names``; their count, where it has none of them."""
+        hue, saturation, value = cv2.split(cv2.cvtColor(picture, cv2.COLOR_BGR2HSV))
+        place = np.asarray(cv2.merge((saturation, hue))).view("<u2")[..., 0]  # hue << 8 | saturation
+        labels: Labels = self._table.take(place)
+        chroma = np.asarray(cv2.multiply(saturation, value, scale=1 / 255))
+        np.copyto(labels, len(self.names), where=chroma < FAINTEST)
+        return labels
+
+
+def in_disc(picture: Image) -> Places:
+    """Return where the colours of a picture lie in the disc of hues and saturations, whose radius is 1.
+
+    The hue is the angle: red 0, green a third of a turn. How bright a colour is does not matter.
+    """
+    hue, saturation, _ = cv2.split(cv2.cvtColor(picture, cv2.COLOR_BGR2HSV))
+    angle = np.asarray(hue, np.float32) * np.float32(pi / 90)  # OpenCV counts in steps of 2 degrees
+    away = np.asarray(saturation, np.float32) / np.float32(255)
+    return np.dstack((away * np.cos(angle), away * np.sin(angle)))
+
+
+def _nearest(places: Places) -> Labels:
+    """Return the number of the nearest of ``places`` for each (hue in 2 degrees << 8 | saturation of 255)."""
+    hue, saturation = np.meshgrid(np.arange(180) * (pi / 90), np.arange(256) / 255, indexing="ij")
+    x, y = saturation * np.cos(hue), saturation * np.sin(hue)
+    off = [*(np.hypot(x - at_x, y - at_y) for at_x, at_y in places), np.full(x.shape, REACH)]
+    nearest: Labels = np.argmin(off, axis=0).astype(np.uint8).ravel()
+    return nearest
+
 
 LARGEST = 0.5
 """The share of the picture above which a spot is a wall and no thing."""
@@ -105,3 +255,36 @@ def _inside_and_around(picture: Image, contour: Contour) -> tuple[Places, Places
 
 def _times(box: Box, scale: float) -> Box:
     return Box(box.x * scale, box.y * scale, box.width * scale, box.height * scale)
+
+
+# The sense for coloured shapes: a red ball, a blue box, looked for by name and followed over time.
+
+NEAREST, FARTHEST = 0.1, 8.0
+"""Metres. What would have to be nearer or farther away to be of the size that is looked for is something else."""
+
+
+class ThingSense:
+    """Things, found by colour and shape and followed by name: a ``perception.senses.Sense[Thing]``.
+
+    ``colours`` are all that there is a name for, as red, green and blue; those of ``wanted`` among them.
+    """
+
+    def __init__(self, wanted: Sequence[Wanted], colours: Mapping[str, Colour]) -> None:
+        self._wanted = tuple(dict.fromkeys(wanted))
+        self._finder = SpotFinder(colours, [one.colour for one in self._wanted])
+        self._tracker = Tracker[Thing]()
+
+    def sense(self, frame: Frame, camera: Pinhole, gaze: Gaze | None) -> tuple[Thing, ...]:
+        """Return the things followed now, largest first."""
+        spots = self._finder.find(frame.image) if self._wanted else ()
+        sightings = [sighting for spot in spots for sighting in self._fitting(spot, camera)]
+        return self._tracker.update(sightings, camera=camera, gaze=gaze, stamp=frame.stamp)
+
+    def _fitting(self, spot: Spot, camera: Pinhole) -> Iterator[ThingSighting]:
+        """Yield all that a spot can be."""
+        for wanted in self._wanted:
+            if wanted.colour == spot.colour and wanted.shape in (ANY, spot.shape):
+                sighting = ThingSighting(spot, wanted)
+                away = sighting.distance(camera)
+                if isnan(away) or NEAREST <= away <= FARTHEST:
+                    yield sighting

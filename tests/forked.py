@@ -27,7 +27,7 @@ from typing import IO, Any, NoReturn, Self
 
 IMPORTED = (
     "behaviours.driving.motion",
-    "drivers.arduino.make",
+    "drivers.arduino.driver",
     "drivers.kobuki.driver",
     "drivers.kobuki.virtual",
     "drivers.arduino.virtual",

@@ -51,7 +51,7 @@ FAULTS = (
     Planted("speed limit of the base not applied", "drivers/base/limits.py", "if excess == 1.0:", "if True:"),
     Planted(
         "speed limit of a joint not applied",
-        "drivers/servos/servo_twin.py",
+        "drivers/servos/twin.py",
         "min(max(speed, 0.0), joint.limits.speed)",
         "9.0",
     ),
@@ -63,7 +63,7 @@ FAULTS = (
         "accepted[name] = goal",
     ),
     Planted(
-        "nan let through to the base", "drivers/base/requests.py", "if not (isfinite(", "if False and not (isfinite("
+        "nan let through to the base", "drivers/base/limits.py", "if not (isfinite(", "if False and not (isfinite("
     ),
     Planted("a velocity lives for 30 s", "drivers/api/steering.py", "COMMAND_LIFE = 0.3", "COMMAND_LIFE = 30.0"),
     Planted(

@@ -457,3 +457,145 @@ class Drive(Motion):
 def along(start: Pose2D, now: Pose2D) -> float:
     """Return how far ``now`` lies ahead of ``start`` along its heading, in metres."""
     return (now.x - start.x) * math.cos(start.heading) + (now.y - start.y) * math.sin(start.heading)
+
+
+# The leaf that drives along a part of a circle.
+
+
+class Arc(Motion):
+    """Drive forwards along a part of a circle: to the left for a positive angle, to the right for a negative one.
+
+    Running until the base has turned by the angle, by the gyro, and stands still, then succeeds.
+    Fails when it bumps into something or comes to a cliff, when a wheel drops, and while the base is stopped until
+    somebody enables it. While somebody steers the base by hand it waits, then goes on until it has turned so far.
+    """
+
+    word = "arc"
+    stores = "how far round it went, by the gyro (rad)"
+    keeps = Angle
+    radius: float = argument("length", "of the circle", low=0.05, high=10.0)
+    angle: float = argument("angle", "how far round; positive is to the left", default=math.tau)
+    speed: float = argument("speed", "how fast along the circle", default=0.2, low=0.01, high=0.7)
+
+    def seconds_needed(self, state: BaseState, start: Pose2D) -> float:
+        left, limits = self.angle - (state.pose.heading - start.heading), self.robot.base.limits
+        driving = seconds_to_drive(left * self.radius, self.speed, limits)
+        return max(driving, seconds_to_turn(left, self.speed / self.radius, limits))
+
+    def go(self, state: BaseState, start: Pose2D) -> Status:
+        direction = math.copysign(1.0, self.angle)
+        turned = self.result = state.pose.heading - start.heading
+        # Whichever of driving and turning needs more care on this circle says how fast it may go round.
+        rate = self.approach(
+            (self.angle - turned) * direction,
+            braking=min(self.turn_braking, self.braking / self.radius),
+            crawl=min(TURN_CRAWL, CRAWL / self.radius),
+        )
+        if rate == 0.0:
+            return self.come_to_rest(max(abs(state.velocity.linear), abs(state.velocity.angular)))
+        rate = min(rate, self.speed / self.radius)
+        doing = f"{math.degrees(turned):.0f} of {math.degrees(self.angle):.0f} deg"
+        return self.steer(Velocity(rate * self.radius, direction * rate), doing)
+
+
+# The leaf that keeps the base at a velocity.
+
+
+class Cruise(Motion):
+    """Keep the base at a speed and a turn rate, until it is halted.
+
+    Running all the time; it never succeeds. Fails when it bumps into something or comes to a cliff ahead, when a wheel
+    drops, and while the base is stopped until somebody enables it. While somebody steers the base by hand it waits.
+    """
+
+    word = "velocity"
+    ends = frozenset({"failure"})
+    speed: float = argument("speed", "how fast; negative is backwards", default=0.0, low=-0.7, high=0.7)
+    turn: float = argument("turn rate", "how fast to turn; positive is to the left", default=0.0, low=-3.5, high=3.5)
+
+    @property
+    def way(self) -> Way:
+        if self.speed > 0.0:
+            return Way.AHEAD
+        return Way.BACK if self.turn == 0.0 else Way.ROUND
+
+    def go(self, state: BaseState, start: Pose2D) -> Status:
+        del start
+        velocity = state.velocity
+        doing = f"{velocity.linear:.2f} m/s, {velocity.angular:.2f} rad/s"
+        return self.steer(Velocity(self.speed, self.turn), doing)
+
+
+# The leaf that stops the base.
+
+STOP_LIMIT = 5.0
+"""Seconds within which a base must stand that was stopped."""
+
+
+class Stop(Motion):
+    """Stop the base.
+
+    Running until it stands still, then succeeds; fails when it still moves after 5 s.
+    """
+
+    word = "stop"
+
+    def initialise(self) -> None:
+        super().initialise()
+        self.robot.base.stop()
+
+    def update(self) -> Status:
+        state = self.state()  # whoever else has the wheels, or whatever it feels: it is to stand
+        if state is None:
+            return self.wait("waiting for the base to report")
+        return self.go(state, state.pose)
+
+    def go(self, state: BaseState, start: Pose2D) -> Status:
+        del start
+        moving = max(abs(state.velocity.linear), abs(state.velocity.angular))
+        # What it was told a moment before may still be on its way to the wheels.
+        if moving < STANDSTILL and self.elapsed >= REACTION:
+            return SUCCESS
+        if self.elapsed > STOP_LIMIT:
+            return self.fail(f"the base still moves {STOP_LIMIT:g} s after it was stopped")
+        return self.wait("stopping")
+
+
+# The leaf that turns on the spot.
+
+
+class Turn(Spin):
+    """Turn on the spot: to the left for a positive angle, to the right for a negative one.
+
+    Running until the angle is reached by the gyro and the base stands still, then succeeds.
+    Fails at a cliff, where the only way is straight back, when a wheel drops, and while the base is stopped until
+    somebody enables it. While somebody steers the base by hand it waits, then goes on to its angle.
+    """
+
+    word = "turn"
+    stores = "how far it turned, by the gyro (rad)"
+    keeps = Angle
+    angle: float = argument("angle", "how far; positive is to the left", principal=True)
+    speed: float = argument("turn rate", "how fast", default=math.radians(60), low=math.radians(1), high=math.pi)
+    _direction = 1.0
+
+    @property
+    def way(self) -> Way:
+        return Way.ROUND
+
+    def initialise(self) -> None:
+        super().initialise()
+        self._direction = math.copysign(1.0, self.angle)
+
+    def seconds_needed(self, state: BaseState, start: Pose2D) -> float:
+        return seconds_to_turn(start.heading + self.angle - state.pose.heading, self.speed, self.robot.base.limits)
+
+    def resume(self, state: BaseState) -> None:
+        super().resume(state)
+        if self._start is not None:
+            self._direction = math.copysign(1.0, self._start.heading + self.angle - state.pose.heading)
+
+    def go(self, state: BaseState, start: Pose2D) -> Status:
+        turned = self.result = state.pose.heading - start.heading
+        doing = f"{math.degrees(turned):.0f} of {math.degrees(self.angle):.0f} deg"
+        return self.turn_to(start.heading + self.angle, self._direction, self.speed, state, doing)

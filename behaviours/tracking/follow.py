@@ -9,8 +9,8 @@ import math
 from typing import Protocol
 
 from behaviours.tracking.foresight import Ahead, Foresight
+from behaviours.tracking.fuzzy import EDGE, ERROR, PAN, RATE, Law, RuleBases
 from behaviours.tracking.lag import Lag, Turning
-from behaviours.tracking.rules import EDGE, ERROR, PAN, RATE, Law, RuleBases
 from drivers.api import HeadLimits, HeadPose
 from drivers.api.quick import dataclass
 from perception.api import Face, Percept

@@ -7,13 +7,17 @@ from typing import ClassVar
 
 from py_trees.common import Status
 
-from behaviours.driving.motion import disobeyed
+from behaviours.driving.motion import BRAKING, HELD_OFF, REACTION, Way, disobeyed, held_up, obstacle
 from behaviours.leaf import SUCCESS, Leaf, argument
+from behaviours.robots import worn_by
+from behaviours.search import named
+from behaviours.sight import KEPT, chosen, may_be
 from behaviours.tracking.follow import Follower
+from behaviours.tracking.fuzzy import RuleBases
 from behaviours.tracking.lag import Turning
-from behaviours.tracking.rules import RuleBases
-from drivers.api import COMMAND_LIFE, HeadPose, Velocity
-from perception.api import Percept
+from behaviours.wander import Lookout, free_way, safe_speed
+from drivers.api import COMMAND_LIFE, STILL, BaseState, HeadPose, Steering, Velocity, is_guarded
+from perception.api import Face, Marker, Percept, Thing, Wanted
 
 COAST = 0.6
 """Seconds without news of the target for which head and base go on turning after it; nothing drives on that long."""
@@ -143,3 +147,152 @@ class Track(Leaf):
     def _drive(self, speed: float, turn: float) -> None:
         if self.robot.base_part is not None:
             self.robot.base.drive(Velocity(speed, turn))
+
+
+# The leaf that keeps a face in the middle of the picture.
+
+
+class TrackFace(Track):
+    """Follow a face with the head, and turn the base when the head nears its limit.
+
+    Running while there is a face to follow; it never succeeds. Fails once none was seen for `patience`.
+    Once it follows somebody it stays with them, whoever else comes into view, until that face is lost; and then it
+    takes up nobody who is known to be another.
+    """
+
+    word = "track_face"
+    noun = "face"
+    stores = KEPT
+    keeps = Face
+    controller: RuleBases = argument("controller", "the rules to follow by", default="face", principal=True)
+    face: Face | None = argument(
+        "face", "whom to begin with, as `as` has kept them; else the largest face", default=None
+    )
+
+    def percepts(self) -> Sequence[Face]:
+        return self.robot.sight.faces()
+
+    def begins_with(self) -> Face | None:
+        return chosen(self.face)
+
+    def may_be(self, percept: Percept, target: Percept) -> bool:
+        return not (isinstance(percept, Face) and isinstance(target, Face)) or may_be(percept, target)
+
+
+# The leaf that goes after a person: the face stays in the picture, and the person at a distance.
+
+EAGERNESS = 0.8
+"""Speed in m/s for each metre too far: with a Kobuki's dead time of 0.25 s it arrives without overshooting."""
+
+SLACK = 0.1
+"""Metres too far that are near enough: the distance is a guess from the size of the face, and trembles."""
+
+NEAREST = 0.6
+"""Metres to people at least. A TurtleBot 2 (0.18 m) touches a person (0.25 m) at 0.43 m: told to stay 0.5 m behind, it
+bumps into people in the simulated rooms, told 0.6 m it does not; nearer by, a face leaves the picture of its camera."""
+
+AHEAD = math.radians(45)
+"""With the head turned further aside the base only turns: it would drive past the person."""
+
+
+class FollowPerson(TrackFace):
+    """Follow a person: the head and the base turn to their face, and the base drives after them up to `distance`.
+
+    Running while there is a face to follow; it never succeeds. It never drives backwards. With a range finder it slows
+    down for whatever is in its way, and stops before it. Fails once no face was seen for `patience`, when it bumps into
+    something, comes to a cliff, or a wheel drops, once something has been in its way for 5 s, and while the base is
+    stopped until somebody enables it.
+    """
+
+    word = "follow_person"
+    needs = frozenset({"camera", "head", "base"})
+    uses = frozenset({"range"})
+    distance: float = argument("length", "how far to stay behind the person", default=1.0, low=NEAREST, high=5.0)
+    speed: float = argument("speed", "how fast it may drive", default=0.3, low=0.01, high=0.7)
+
+    _lookout: Lookout | None = None
+    _held_off_since: float | None = None
+
+    def initialise(self) -> None:
+        super().initialise()
+        self._held_off_since = None
+        self._lookout = Lookout(self.robot)
+
+    def trouble(self) -> str:
+        base = self.robot.base
+        state = base.state().value
+        steering = base.steering()
+        return (
+            held_up(base) or ("" if state is None else obstacle(state, Way.AHEAD, steering)) or self._held_off(steering)
+        )
+
+    def _held_off(self, steering: Steering) -> str:
+        """Say what the range guard sees in the way, once the base has stood for ``HELD_OFF`` seconds because of it."""
+        if not is_guarded(steering) or steering.given != STILL:
+            self._held_off_since = None
+            return ""
+        now = self.run.now()
+        if self._held_off_since is None:
+            self._held_off_since = now
+        return steering.because if now - self._held_off_since > HELD_OFF else ""
+
+    def forward(self, target: Percept, pan: float) -> float:
+        too_far = target.distance - self.distance - SLACK
+        # Without fresh reports neither an obstacle nor the way gone is known.
+        reading = self.robot.base.state()
+        if not too_far > 0.0 or abs(pan) >= AHEAD or reading.value is None or not reading.good:  # nor does it by a NaN
+            return 0.0
+        speed = min(EAGERNESS * too_far, self.speed, self._safe_speed(reading.value))
+        return speed * math.cos(pan * math.pi / 2 / AHEAD)
+
+    def _safe_speed(self, state: BaseState) -> float:
+        """Return how fast it may drive straight ahead, as far as the range finder sees: not while it is silent."""
+        if self._lookout is None or self.robot.ranger_part is None:
+            return math.inf
+        seen = self._lookout.around(state, self.run.now())
+        if seen is None:
+            return 0.0
+        braking = BRAKING * self.robot.base.limits.acceleration
+        return safe_speed(free_way(seen), braking=braking, reaction=REACTION)
+
+
+# The leaf that keeps a coloured object in the middle of the picture.
+
+
+class TrackObject(Track):
+    """Follow a coloured object with the head, and turn the base when the head nears its limit.
+
+    `track_object: red ball`. Running while there is one to follow; it never succeeds. Fails once none was seen for
+    `patience`. Once it follows one it stays with that, whatever else of the kind comes into view, until it is lost.
+    """
+
+    word = "track_object"
+    noun = "object"
+    senses = frozenset({"things"})
+    stores = "the object: id, name, colour, shape, yaw, pitch, distance"
+    keeps = Thing
+    what: Wanted = argument("object", "a colour and a shape, or the name of an object", principal=True)
+
+    def percepts(self) -> Sequence[Thing]:
+        return named(self.robot.sight.things(), self.what)
+
+
+# The leaf that keeps another robot in the middle of the picture, by the marker that it wears.
+
+
+class TrackRobot(Track):
+    """Follow another robot with the head, and turn the base when the head nears its limit.
+
+    `track_robot: 7` or `track_robot: R2`. Running while its marker is seen; it never succeeds. Fails once it was not
+    seen for `patience`.
+    """
+
+    word = "track_robot"
+    noun = "robot"
+    senses = frozenset({"markers"})
+    stores = "the robot: id, number, name, yaw, pitch, distance, heading"
+    keeps = Marker
+    which: str = argument("text", "its marker's number, or its name; else any", default="", principal=True)
+
+    def percepts(self) -> Sequence[Marker]:
+        return [marker for marker in self.robot.sight.markers() if worn_by(marker, self.which)]

@@ -140,7 +140,7 @@ class BaseState:
     ``reckoned`` says that nothing measures how it moves: its pose and velocity are dead reckoning, what it was told
     added up. ``settling`` is True while it stands and the drift of its gyro is not known yet: to turn would err.
     ``hazards`` names all other dangers that the base reports, such as "backup limit" and "stall left"; see
-    ``drivers.base.changes``. A base that measures no battery tells 0 V, and 100 percent. ``lean`` is how far from
+    ``drivers.base.motion_fault``. A base that measures no battery tells 0 V, and 100 percent. ``lean`` is how far from
     upright it stands, in radians; None where nothing measures that. ``fallen`` is True for one that lies; ``posture``
     is that of legs. ``odometers`` are the raw readings, None where the base tells only a pose.
     """

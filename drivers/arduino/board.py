@@ -11,13 +11,12 @@ from typing import Final, Protocol
 from drivers.api import Away, DeviceStatus, Health, Quality, Reading, Report, ignore
 from drivers.api.quick import dataclass
 from drivers.arduino import wire
-from drivers.arduino.reset_detector import BootState
-from drivers.arduino.session import Session
+from drivers.arduino.session import BootState, Session
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.head.memory import Memory
-from drivers.transport.guard import guarded
 from drivers.transport.link import Link
+from drivers.transport.loop import guarded
 from drivers.transport.reconnect import Absence
 
 DOZE = 0.1
@@ -87,7 +86,7 @@ class Board:
     """An Arduino or Teensy with a Rodney sketch, found again whenever it was lost: the talker of ``link``.
 
     Angles are sent only while it is sure that the board has not begun anew since its servos were known to stand where
-    they do: see ``drivers.arduino.reset_detector``. One that does not answer at once when its port was opened is
+    they do: see ``drivers.arduino.session``. One that does not answer at once when its port was opened is
     starting, and asked again after ``boot_delay`` seconds. One that does has been running: its servos stand where we
     left them, or ``remembered`` says; else that is not known, they are taken to stand where the sketch puts them, and
     stay there until they are commanded. An assumed angle is not remembered until it was sent. DTR stays on when the

@@ -1,13 +1,227 @@
 """The computer's end of rosserial: waits for the board to boot, asks what topics it has, and tells it the time."""
 
 import math
-from collections import Counter
+from collections import Counter, deque
+from enum import Enum, auto
+from math import inf
+from typing import Final
 
 from drivers.api import DeviceStatus, Quality, Reading, Report
 from drivers.arduino import wire
-from drivers.arduino.reset_detector import BootState, DetectorState, ResetDetector
 from drivers.clock import Clock
 from drivers.transport.link import Link
+
+# Detect resets of a rosserial board, so that no servo leaps from a position that the driver does not know.
+#
+# A Rodney sketch obeys servo setpoints from the moment it runs, and does not announce a reset. Setpoints may
+# therefore be sent only on a fresh proof that the board has not restarted: a proof younger than the shortest boot
+# time.
+#
+# An encoder message is such a proof, and so is the log line with which the first sketches acknowledge a setpoint.
+# Without either, the board is probed (``wire.PROBE``). The answer also shows whether the board was in a session with
+# a computer: a board without a session requests the time four times, any other board once.
+#
+# The session rules are those of ``node_handle.h`` in rosserial_client.
+
+MAX_PROOF_AGE = 0.05
+"""Seconds. The fastest boards boot in 65 ms; encoder messages arrive every 50 ms."""
+
+ACK_TIMEOUT = 2 * MAX_PROOF_AGE
+"""Seconds in which an ack is waited for before the board is probed instead."""
+
+PROBE_TIMEOUT = 0.25
+"""Seconds: an answer of 200 bytes at 57600 baud, plus the latency of the USB adapter."""
+
+MIN_TIME_REQUEST_INTERVAL = 2.3
+"""Seconds. A board in a session requests the time every 2.5 s."""
+
+SESSION_TIMEOUT = 10.5
+"""Seconds without a reply to a time request until the board may drop the session; rosserial drops it after 11 s."""
+
+SESSION_TIME_REQUESTS = 4
+"""Time requests that a board sends without a reply before it drops the session."""
+
+NO_SESSION_TIME_REQUESTS = 3
+"""Time requests in one answer from which on the board had no session: it sends four, any other board one or two."""
+
+
+class BootState(Enum):
+    """Result of a probe."""
+
+    UNCHANGED = auto()  # the session is intact, so there was no reset
+    RESET = auto()
+    UNKNOWN = auto()  # a reset is possible: the session expired, or it is unclear which probe opened it
+
+
+class DetectorState(Enum):
+    """State of a ``ResetDetector``."""
+
+    TRACKING = auto()  # messages of the board count as proof
+    SUSPECT = auto()  # only the answer to a probe counts as proof
+    PROBING = auto()
+    SILENT = auto()  # the last probe timed out
+    REPROBING = auto()  # a probe is pending, after one that timed out
+
+
+class DetectorEvent(Enum):
+    """Event of a ``ResetDetector``; DISTRUST is a stall of this process, or a time request soon after a probe."""
+
+    DISTRUST, PROBE, ANSWER, TIMEOUT = range(4)
+
+
+TRANSITIONS: Final = {
+    **{(state, DetectorEvent.ANSWER): DetectorState.TRACKING for state in DetectorState},
+    **{(state, DetectorEvent.DISTRUST): state for state in DetectorState},
+    (DetectorState.TRACKING, DetectorEvent.DISTRUST): DetectorState.SUSPECT,
+    (DetectorState.TRACKING, DetectorEvent.PROBE): DetectorState.PROBING,
+    (DetectorState.SUSPECT, DetectorEvent.PROBE): DetectorState.PROBING,
+    (DetectorState.PROBING, DetectorEvent.PROBE): DetectorState.PROBING,
+    (DetectorState.PROBING, DetectorEvent.TIMEOUT): DetectorState.SILENT,
+    (DetectorState.SILENT, DetectorEvent.PROBE): DetectorState.REPROBING,
+    (DetectorState.REPROBING, DetectorEvent.PROBE): DetectorState.REPROBING,
+    (DetectorState.REPROBING, DetectorEvent.TIMEOUT): DetectorState.SILENT,
+}
+"""Any other pair leads to SUSPECT, in which no setpoint is sent before the board has answered a probe."""
+
+
+class ResetDetector:
+    """Reset detector of one connection; ``previous`` is that of the connection before.
+
+    Each event of the connection is reported by an ``on_...`` method, with times in seconds on a monotonic clock.
+    """
+
+    def __init__(self, previous: "ResetDetector | None" = None) -> None:
+        self.state = DetectorState.TRACKING
+        self.unanswered_probes = 0
+        self.session_until: float | None = None  # None: the board never had a session with us
+        if previous is not None:
+            self.unanswered_probes, self.session_until = previous.unanswered_probes, previous.session_until
+            if previous.had_timeout:
+                self.state = DetectorState.SILENT
+        self.idle_period = 0.0  # longest intended time between two polls, in seconds
+        self._had_session = False  # on this connection
+        self._backlog = False  # the data being read may be old
+        self._time_requests = 0  # since the last probe
+        self._queued_time_requests = 0  # read from a backlog, since the last answer
+        self._unacked: deque[float] = deque()  # times at which setpoints were sent
+        self._polled_at: float | None = None
+        self._received_after = self._stall_ended_at = self._time_requested_at = -inf
+        self._probe_sent_at = self._proof_at = -inf
+
+    @property
+    def probe_pending(self) -> bool:
+        """True while a probe waits for its answer."""
+        return self.state in (DetectorState.PROBING, DetectorState.REPROBING)
+
+    @property
+    def had_timeout(self) -> bool:
+        """True if a probe has timed out since the last answer."""
+        return self.state in (DetectorState.SILENT, DetectorState.REPROBING)
+
+    @property
+    def _is_answer_late(self) -> bool:
+        """True if the next answer can only be that to the one probe that timed out."""
+        return self.state is DetectorState.SILENT and self.unanswered_probes == 1
+
+    def is_fresh(self, now: float) -> bool:
+        """Return whether setpoints may be sent."""
+        return not self.probe_pending and now - self._proof_at <= MAX_PROOF_AGE
+
+    def expects_ack(self, now: float) -> bool:
+        """Return whether an ack of a recent setpoint is due, so that a probe would be superfluous."""
+        return bool(self._unacked) and now - self._unacked[-1] <= ACK_TIMEOUT
+
+    def check_timeout(self, now: float) -> bool:
+        """Return whether the pending probe has just timed out."""
+        # After a stall of this process the timeout starts over: the board may have been stalled with it.
+        waiting_since = max(self._probe_sent_at, self._stall_ended_at)
+        if not self.probe_pending or now - waiting_since <= PROBE_TIMEOUT:
+            return False
+        self._advance(DetectorEvent.TIMEOUT)
+        return True
+
+    def on_poll(self, now: float) -> None:
+        """Note that the port is being read: call this before data are handled, and in each idle pass of the loop."""
+        polled_at, self._polled_at = self._polled_at, now
+        self._backlog = polled_at is not None and now - polled_at > MAX_PROOF_AGE + self.idle_period
+        self._received_after = -inf if polled_at is None or self._backlog else polled_at
+        if self._backlog:
+            # This process was stalled: the data may have been in the kernel's buffer since before a reset.
+            self._stall_ended_at = now
+            self._unacked.clear()
+            self._distrust()
+
+    def on_probe_sent(self, now: float) -> None:
+        """Discard the proofs so far: from now on the answer counts."""
+        self._advance(DetectorEvent.PROBE)
+        # After a timeout time requests are still counted: they may be all that was left of a garbled answer.
+        if self.state is DetectorState.PROBING:
+            self._time_requests = 0
+        self.unanswered_probes += 1
+        self._probe_sent_at, self._proof_at = now, -inf
+        self._unacked.clear()
+
+    def on_setpoints_sent(self, count: int, now: float) -> None:
+        """Expect ``count`` acks."""
+        self._unacked.extend([now] * count)
+
+    def on_encoder_message(self) -> None:
+        """Count the message as a proof, as old as the poll before it."""
+        if self.state is DetectorState.TRACKING:
+            self._proof_at = max(self._proof_at, self._received_after)
+
+    def on_log_line(self) -> None:
+        """Count the line as the ack of the oldest setpoint: the first sketches log each one."""
+        if self._unacked:
+            self._proof_at = max(self._proof_at, self._unacked.popleft())
+
+    def on_time_request(self, now: float) -> bool:
+        """Return whether the board must be probed: in a session it would not have requested the time so early."""
+        self._time_requests += 1
+        if self._backlog:
+            self._queued_time_requests += 1
+            return False
+        is_early, self._time_requested_at = now - self._time_requested_at < MIN_TIME_REQUEST_INTERVAL, now
+        if self.probe_pending or self._is_answer_late:  # each answer begins with a time request
+            return False
+        if not is_early:
+            self.session_until, self._had_session = now + SESSION_TIMEOUT, True
+            return False
+        if now - self._probe_sent_at <= PROBE_TIMEOUT:
+            # It may begin a second answer, to an earlier probe that timed out. A probe now would provoke
+            # another such answer, and so on without end.
+            self._distrust()
+            return False
+        return True
+
+    def on_answer(self, now: float) -> BootState:
+        """Return the boot state that follows from the answer. As a proof, the answer is as old as its probe."""
+        is_late = self._is_answer_late
+        probed_at = self._probe_sent_at if self.probe_pending or is_late else now
+        # After a timeout it is unclear which probe is answered. An earlier one may have opened a new session, so an
+        # intact session no longer excludes a reset.
+        is_ambiguous = self.had_timeout and not is_late
+        is_session_intact = self._time_requests < NO_SESSION_TIME_REQUESTS
+        # Too few time requests in the backlog of a stall show that the session did not expire during it.
+        is_session_expected = self.session_until is not None and (
+            probed_at <= self.session_until
+            or (self._had_session and self._queued_time_requests < SESSION_TIME_REQUESTS)
+        )
+        self._advance(DetectorEvent.ANSWER)
+        self.unanswered_probes = self._time_requests = self._queued_time_requests = 0
+        self._proof_at, self._time_requested_at = probed_at, now
+        self.session_until, self._had_session = probed_at + SESSION_TIMEOUT, True
+        if is_session_intact:
+            return BootState.UNKNOWN if is_ambiguous else BootState.UNCHANGED
+        return BootState.RESET if is_ambiguous or is_session_expected else BootState.UNKNOWN
+
+    def _distrust(self) -> None:
+        self._proof_at = -inf
+        self._advance(DetectorEvent.DISTRUST)
+
+    def _advance(self, event: DetectorEvent) -> None:
+        self.state = TRANSITIONS.get((self.state, event), DetectorState.SUSPECT)
+
 
 SILENT = 2.7
 """Seconds without a question for the time after which the board is probed: in step it asks every 2.5 s."""

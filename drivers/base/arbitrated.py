@@ -28,16 +28,14 @@ from drivers.api import (
     ignore,
 )
 from drivers.api.sections import BaseKeys
-from drivers.base.changes import compare
-from drivers.base.limits import Limits
-from drivers.base.motion_fault import MotionFault
+from drivers.base.limits import Limits, check, require
+from drivers.base.motion_fault import MotionFault, compare
 from drivers.base.progress_monitor import Instruments, ProgressMonitor
-from drivers.base.requests import check, require
 from drivers.base.velocity_multiplexer import VelocityMultiplexer
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.transport.guard import guarded
 from drivers.transport.history import History
+from drivers.transport.loop import guarded
 
 NEAR_BEAMS = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
 

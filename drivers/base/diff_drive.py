@@ -28,8 +28,8 @@ from drivers.api import (
 )
 from drivers.api.quick import dataclass
 from drivers.base.arbitrated import ArbitratedBase, BaseSettings
+from drivers.base.limits import check_light, check_tone
 from drivers.base.progress_monitor import Instruments
-from drivers.base.requests import check_light, check_tone
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.transport.link import Link

@@ -10,7 +10,7 @@ from drivers.base.scan_mounting import START, STEP, Mounting, Place, Sector, bea
 from drivers.clock import Clock
 from drivers.sim.plug import Plug
 from drivers.sim.scanner import Look
-from drivers.transport.guard import guarded
+from drivers.transport.loop import guarded
 
 STALE_AFTER = 0.5
 """Seconds after which a scan without a successor is stale."""

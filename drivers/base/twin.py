@@ -22,11 +22,11 @@ from drivers.api import (
 )
 from drivers.api.sections import BaseKeys
 from drivers.base.arbitrated import ArbitratedBase, BaseSettings, settings_of
-from drivers.base.changes import BACKUP_LIMIT
 from drivers.base.gyro_bias import GyroBias
+from drivers.base.limits import LIGHTS, check_light, check_tone
+from drivers.base.motion_fault import BACKUP_LIMIT
 from drivers.base.progress_monitor import Instruments
 from drivers.base.reckoning import GyroOdometry, Reckoning, TwoWheels
-from drivers.base.requests import LIGHTS, check_light, check_tone
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.sim.body import ENCODER_STEP, NOTHING, Body, either

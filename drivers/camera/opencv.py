@@ -12,7 +12,7 @@ from drivers.camera.source import Kind, Source, advice, is_live, is_number, kind
 from drivers.errors import BadRequest, NotConnected
 from drivers.finding.video import CSI_HINT, CSI_TROUBLE, is_csi
 from drivers.pictures.decode import grab, opened
-from drivers.transport.access import explain_denied
+from drivers.transport.programs import explain_denied
 
 _FALLBACK_RATE = 25.0  # frames a second of a video that does not say
 _STREAM_TIMEOUT_MS = 3000

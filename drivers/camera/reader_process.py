@@ -54,7 +54,7 @@ def feed_of(order: Mapping[str, Any]) -> BlockingFeed:
 
         return WebFeed(name, source)
     if scheme == "tcp":
-        from drivers.camera.tcp import TcpFeed  # noqa: PLC0415
+        from drivers.camera.jpegs import TcpFeed  # noqa: PLC0415
 
         return TcpFeed(name, source)
     from drivers.camera.opencv import VideoFeed  # noqa: PLC0415

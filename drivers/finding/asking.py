@@ -13,8 +13,7 @@ from drivers.api.driver import BrokenDriver, Driver, resolved
 from drivers.api.probing import Answer, Ask, Probe
 from drivers.clock import Clock
 from drivers.errors import DriverError
-from drivers.finding.serial_ports import SerialPort, Trouble
-from drivers.finding.usb import ADAPTERS
+from drivers.finding.serial_ports import ADAPTERS, SerialPort, Trouble
 from drivers.transport.adapter import quicken
 from drivers.transport.ports import SerialPort as OpenPort
 from drivers.transport.ports import explain, open_port

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from drivers.transport.access import explain_denied
-from drivers.transport.programs import Program, named
+from drivers.transport.programs import Program, explain_denied, named
 
 LARGEST = 4096
 """Bytes that are read of a file: files of /sys are at most a page."""

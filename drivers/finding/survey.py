@@ -9,8 +9,7 @@ from drivers.api.driver import Driver
 from drivers.clock import Clock
 from drivers.finding.asking import PATIENCE, Heard, look
 from drivers.finding.machine import Machine
-from drivers.finding.serial_ports import SerialPort, Trouble, lost_adapters, serial_ports
-from drivers.finding.usb import Usb, usb_of
+from drivers.finding.serial_ports import SerialPort, Trouble, Usb, lost_adapters, serial_ports, usb_of
 from drivers.finding.video import CSI_HINT, CSI_SOURCE, Ioctl, list_devices
 from drivers.transport.programs import Program, end_command
 

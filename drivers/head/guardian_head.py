@@ -23,13 +23,12 @@ from drivers.api import (
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.head.axis import MIDDLE, TRAILING, ServoAxis, next_degrees
-from drivers.head.led import LedHead
 from drivers.head.memory import Memory
-from drivers.head.pantilt import AHEAD, PanTilt
+from drivers.head.pantilt import AHEAD, LedHead, PanTilt
 from drivers.transport import guardian_wire
-from drivers.transport.guard import guarded
 from drivers.transport.lines import LineFinder
 from drivers.transport.link import Link
+from drivers.transport.loop import guarded
 from drivers.transport.reconnect import Absence, Enabling
 
 ASKING = 0.05

@@ -20,10 +20,8 @@ from drivers.api import (
 from drivers.api.quick import dataclass
 from drivers.clock import Clock
 from drivers.errors import BadRequest, DeviceFault, NotConnected
-from drivers.head.led import LedHead
-from drivers.head.pantilt import AHEAD, LARGEST_TRIM, PanTilt
-from drivers.transport.guard import guarded
-from drivers.transport.loop import Loop, MakeLoop, ThreadLoop
+from drivers.head.pantilt import AHEAD, LARGEST_TRIM, LedHead, PanTilt
+from drivers.transport.loop import Loop, MakeLoop, ThreadLoop, guarded
 
 PERIOD = 0.02
 """Seconds from one step to the next: as often as the Rodney head is told an angle."""

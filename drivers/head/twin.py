@@ -17,8 +17,7 @@ from drivers.api import (
 from drivers.clock import Clock
 from drivers.head.axis import FULL, TRAILING, ServoAxis, next_degrees, servo_axis
 from drivers.head.keys import TwoServoKeys
-from drivers.head.led import LedHead
-from drivers.head.pantilt import AHEAD, PanTilt
+from drivers.head.pantilt import AHEAD, LedHead, PanTilt
 from drivers.sim.plug import Plug
 from drivers.sim.servo import SERVO_SPEED, Shaft
 from drivers.sim.stage import Stage

@@ -31,7 +31,7 @@ from drivers.kobuki.declared import KobukiKeys
 from drivers.kobuki.feedback import FEEDBACK, Core, DockInfrared, FirmwareVersion, HardwareVersion, Inertia, UniqueId
 from drivers.kobuki.odometry import Senses
 from drivers.kobuki.wire import FrameFinder, decode, encode
-from drivers.transport.delays import Delays
+from drivers.transport.history import Delays
 from drivers.transport.link import Link
 
 STALE_AFTER = 0.1

@@ -23,8 +23,8 @@ from drivers.kobuki.declared import KobukiKeys
 from drivers.kobuki.wire import BAUD, MAX_PAYLOAD, FrameFinder, Part, decode, frame, subpayload
 from drivers.sim.battery import Battery
 from drivers.sim.body import Body, either
-from drivers.sim.ground import Ground
 from drivers.sim.stage import Stage
+from drivers.sim.things import Ground
 from drivers.sim.wheels import DelayLine, Wheels
 from drivers.virtual.plugged import Plugged, plugged_base
 

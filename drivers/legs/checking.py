@@ -1,19 +1,125 @@
 """What is wrong with a gait, by the joint and the time: reach, limits, speeds, torque at rest, collisions, support."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 
 from drivers.api import JointLimits
 from drivers.legs.body import SIDES, Body, Floats
-from drivers.legs.collision import clearance
 from drivers.legs.engine import whole
 from drivers.legs.gait import Gait
-from drivers.legs.kinematics import axes, centre_of_mass, centres, forward
+from drivers.legs.kinematics import Placed, axes, centre_of_mass, centres, forward
 from drivers.legs.leg_ik import REASONS
-from drivers.legs.pendulum import GRAVITY
 from drivers.legs.pressure import margins
+from drivers.legs.walker import GRAVITY
+
+# Links of a body that would hit each other: capsules; the trunk's box and the soles are such, too.
+
+TRUNK = "trunk"
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """A capsule on a link (-1: the trunk): from ``start`` to ``end`` in its frame, with a ``radius``."""
+
+    name: str
+    link: int
+    start: Floats
+    end: Floats
+    radius: float
+
+
+@lru_cache(maxsize=16)
+def capsules(body: Body) -> tuple[Capsule, ...]:
+    """Return the capsules of a body: of its links, of its trunk, and two along the edges of each sole."""
+    found = [
+        Capsule(name, place, np.zeros(3), body.end[place], float(body.radius[place]))
+        for place, name in enumerate(body.joints)
+        if body.radius[place] > 0
+    ]
+    box, middle = body.trunk.box, body.trunk.middle
+    radius = float(min(box)) / 2
+    along = np.where(np.arange(3) == int(np.argmax(box)), (float(max(box)) / 2 - radius), 0.0)
+    found.append(Capsule(TRUNK, -1, middle - along, middle + along, radius))
+    for side in SIDES:
+        leg = body.legs[side]
+        half = leg.thickness / 2
+        for edge in (-1, 1):
+            at = leg.sole + np.array([0.0, edge * (leg.width / 2 - half), half])
+            reach = np.array([leg.length / 2 - half, 0.0, 0.0])
+            found.append(Capsule(body.joints[leg.joints[-1]], leg.joints[-1], at - reach, at + reach, half))
+    return tuple(found)
+
+
+@lru_cache(maxsize=16)
+def pairs(body: Body) -> tuple[tuple[Capsule, Capsule], ...]:
+    """Return the pairs that may hit each other: those that are apart at angle 0, and not on neighbouring links."""
+    near = {frozenset((place, parent)) for place, parent in enumerate(body.parent)}
+    return tuple(
+        (one, other)
+        for one, other in combinations(capsules(body), 2)
+        if one.link != other.link and frozenset((one.link, other.link)) not in near and not _joined(body, one, other)
+    )
+
+
+def clearance(body: Body, placed: Placed) -> tuple[Floats, tuple[tuple[str, str], ...]]:
+    """Return the gap (..., P) of each pair of capsules, below 0 where they are within each other, and their names."""
+    chosen = pairs(body)
+    ends = {id(each): _ends(each, placed) for each in capsules(body)}
+    gaps = [_apart(*ends[id(one)], *ends[id(other)]) - one.radius - other.radius for one, other in chosen]
+    shape = placed.position.shape[:-2]
+    found = np.stack([np.broadcast_to(gap, shape) for gap in gaps], axis=-1) if gaps else np.ones((*shape, 0))
+    return found, tuple((one.name, other.name) for one, other in chosen)
+
+
+def _joined(body: Body, one: Capsule, other: Capsule) -> bool:
+    """Say whether two capsules touch where their links are joined, with only links of no extent between."""
+
+    def solid(link: int) -> int:
+        link = body.parent[link]
+        while link >= 0 and body.radius[link] == 0:
+            link = body.parent[link]
+        return link
+
+    return any(
+        a.link >= 0 and (solid(a.link) == b.link or (a.link in _path(body, b.link) and solid(b.link) == a.link))
+        for a, b in ((one, other), (other, one))
+    )
+
+
+def _path(body: Body, link: int) -> list[int]:
+    found = []
+    while link >= 0:
+        found.append(link)
+        link = body.parent[link]
+    return found
+
+
+def _ends(capsule: Capsule, placed: Placed) -> tuple[Floats, Floats]:
+    if capsule.link < 0:
+        return capsule.start, capsule.end
+    position, rotation = placed.position[..., capsule.link, :], placed.rotation[..., capsule.link, :, :]
+    return position + rotation @ capsule.start, position + rotation @ capsule.end
+
+
+def _apart(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
+    """Return the distance between the lines a to b and c to d (..., 3) (Ericson, Real-Time Collision Detection)."""
+    along, across, between = b - a, d - c, a - c
+    aa, ee = (along * along).sum(-1), (across * across).sum(-1)
+    f, g, h = (across * between).sum(-1), (along * between).sum(-1), (along * across).sum(-1)
+    safe_a, safe_e = np.where(aa > 0, aa, 1.0), np.where(ee > 0, ee, 1.0)
+    flat = aa * ee - h * h
+    s = np.clip(np.where(flat > 1e-15, (h * f - g * ee) / np.where(flat > 1e-15, flat, 1.0), 0.0), 0.0, 1.0)
+    t = np.where(ee > 0, (h * s + f) / safe_e, 0.0)
+    s = np.where(t < 0, np.clip(-g / safe_a, 0, 1), np.where(t > 1, np.clip((h - g) / safe_a, 0, 1), s))
+    t = np.clip(t, 0.0, 1.0)
+    way: Floats = a + s[..., None] * along - c - t[..., None] * across
+    found: Floats = np.sqrt((way * way).sum(-1))
+    return found
 
 
 def mistakes(body: Body, gait: Gait, limits: Mapping[str, JointLimits], torques: Mapping[str, float]) -> Iterator[str]:

@@ -11,7 +11,7 @@ import numpy as np
 from drivers.legs.body import SIDES, Body, Floats
 from drivers.legs.engine import PERIOD, Posture, whole
 from drivers.legs.kinematics import centres, forward, sole
-from drivers.legs.pendulum import GRAVITY
+from drivers.legs.walker import GRAVITY
 from drivers.servos.models import Motor
 
 MOST = 0.5

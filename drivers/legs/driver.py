@@ -31,11 +31,10 @@ from drivers.api import (
 from drivers.api import Posture as Poised
 from drivers.api.gait import GaitKeys
 from drivers.base.arbitrated import ArbitratedBase, BaseSettings
-from drivers.base.requests import require
+from drivers.base.limits import require
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, DriverError, NotConnected
-from drivers.legs.acts import Acts
-from drivers.legs.approach import is_near
+from drivers.legs.acts import Acts, is_near
 from drivers.legs.body import Floats
 from drivers.legs.compensation import Compensation
 from drivers.legs.engine import PERIOD, Engine, Felt, Posture

@@ -14,7 +14,7 @@ from drivers.legs.acts import pressed
 from drivers.legs.body import Floats
 from drivers.legs.compensation import static_torques
 from drivers.legs.engine import Engine, Felt
-from drivers.legs.pendulum import rate
+from drivers.legs.walker import rate
 
 LIES = radians(50)
 """How far from upright its trunk leans when it has fallen."""

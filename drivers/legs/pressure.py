@@ -10,8 +10,7 @@ from drivers.legs.declared import StrideKeys
 from drivers.legs.engine import Correction, Felt, Posture, whole
 from drivers.legs.gait import Gait
 from drivers.legs.kinematics import centres, forward, turning
-from drivers.legs.pendulum import GRAVITY, edges, margin, rate
-from drivers.legs.walker import Spot
+from drivers.legs.walker import GRAVITY, Spot, edges, margin, rate
 
 # Balance of a walk by what is felt of the trunk: ankles first, then the hips, then a step to where it can be caught.
 #

@@ -10,7 +10,7 @@ from drivers.api import DeviceStatus, Health, Report, ignore
 from drivers.api.sensors import SOUND_RATE, Sound
 from drivers.clock import Clock
 from drivers.extras import extra_hint
-from drivers.transport.guard import guarded
+from drivers.transport.loop import guarded
 from drivers.transport.pipe import Message, Worker
 
 KEPT = 5.0

@@ -14,7 +14,7 @@ from drivers.api import Health, Report, ignore
 from drivers.clock import Clock
 from drivers.sim.acts import Reply
 from drivers.sim.plug import Plug
-from drivers.transport.guard import guarded
+from drivers.transport.loop import guarded
 
 PER_WORD = 0.4
 """Seconds that people take for a word."""

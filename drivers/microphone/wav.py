@@ -11,7 +11,7 @@ from drivers.api import SOUND_RATE, DeviceStatus, Health, Report, Samples, Sound
 from drivers.clock import Clock
 from drivers.errors import NotConnected
 from drivers.sound.wav import A_LAW, FLOAT, MU_LAW, NAMES, SAMPLE_WIDTHS, BadWav, WavFormat, read_header
-from drivers.transport.guard import guarded
+from drivers.transport.loop import guarded
 
 PIECE = 320
 """Samples in a piece: 20 ms."""

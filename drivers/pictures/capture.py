@@ -16,7 +16,7 @@ from drivers.api.turn import UPRIGHT, Turn
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
 from drivers.pictures.decode import NOTHING, UNWANTED
-from drivers.transport.guard import guarded
+from drivers.transport.loop import guarded
 
 # Whether the pictures of a live camera are news: a camera can hang, or fall behind, and go on giving pictures.
 

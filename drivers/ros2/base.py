@@ -7,7 +7,7 @@ from typing import Any
 
 from drivers.api import BaseLimits, BaseState, DeviceStatus, Lamp, Pose2D, Sides, Tune, Velocity
 from drivers.api.quick import dataclass
-from drivers.base import changes
+from drivers.base import motion_fault
 from drivers.base.diff_drive import DiffDriveProtocol, Parsed, Timing
 from drivers.base.gyro_bias import GyroBias
 from drivers.base.progress_monitor import LAG, SentVelocities
@@ -22,7 +22,11 @@ from drivers.ros2.types import Malformed, types
 BACKUP_LIMIT, BUMP, CLIFF, STALL, WHEEL_DROP, OBJECT_PROXIMITY = range(6)
 """Types of hazards, as irobot_create_msgs numbers them."""
 
-_NAMES = {BACKUP_LIMIT: changes.BACKUP_LIMIT, STALL: changes.STALL, OBJECT_PROXIMITY: changes.OBJECT_NEAR}
+_NAMES = {
+    BACKUP_LIMIT: motion_fault.BACKUP_LIMIT,
+    STALL: motion_fault.STALL,
+    OBJECT_PROXIMITY: motion_fault.OBJECT_NEAR,
+}
 """Names of the hazards that are no contacts."""
 
 COLOURS = {Lamp.OFF: (0, 0, 0), Lamp.RED: (255, 0, 0), Lamp.GREEN: (0, 255, 0), Lamp.ORANGE: (255, 120, 0)}
@@ -79,7 +83,7 @@ def report_of(detections: Iterable[Any]) -> HazardReport:
 def _name(kind: int, frame: str) -> str:
     """Return the name of a hazard that is no contact, also of a type of a newer firmware."""
     if kind not in _NAMES:
-        return f"{changes.UNKNOWN} {kind}" + (f" ({frame:.40})" if frame else "")
+        return f"{motion_fault.UNKNOWN} {kind}" + (f" ({frame:.40})" if frame else "")
     side = "" if kind == BACKUP_LIMIT else next((side for side in ("left", "right") if side in frame), "")
     return f"{_NAMES[kind]} {side}".rstrip()
 

@@ -17,8 +17,7 @@ from drivers.ros2.requests import Requests
 from drivers.ros2.session import Access, Transports, open_session
 from drivers.ros2.types import Malformed, types
 from drivers.ros2.wire import SEND
-from drivers.transport.guard import guarded
-from drivers.transport.loop import ThreadLoop
+from drivers.transport.loop import ThreadLoop, guarded
 
 RETRY = 0.3
 """Seconds until a router that did not answer is tried again."""

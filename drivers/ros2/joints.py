@@ -29,8 +29,8 @@ from drivers.ros2.ways import (
     Way,
     frames,
 )
-from drivers.transport.guard import guarded
 from drivers.transport.link import Link
+from drivers.transport.loop import guarded
 from drivers.transport.reconnect import Absence, Enabling
 
 RENEWAL = 0.05

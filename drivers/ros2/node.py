@@ -17,7 +17,7 @@ from drivers.ros2 import bridge, wire
 from drivers.ros2.publisher import FirstReply, Publisher, Replied, Sieve, new_gid
 from drivers.ros2.types import types
 from drivers.ros2.wire import Attachment, Entity
-from drivers.transport.guard import guarded
+from drivers.transport.loop import guarded
 
 if TYPE_CHECKING:
     import zenoh

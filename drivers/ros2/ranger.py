@@ -15,8 +15,8 @@ from drivers.ros2 import wire
 from drivers.ros2.line import Channel, absent
 from drivers.ros2.node import TopicFaults, hint_for
 from drivers.ros2.types import Malformed, types
-from drivers.transport.guard import guarded
 from drivers.transport.link import Link
+from drivers.transport.loop import guarded
 
 SCAN = "sensor_msgs/msg/LaserScan"
 

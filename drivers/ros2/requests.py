@@ -19,7 +19,7 @@ from drivers.ros2.node import Node
 from drivers.ros2.publisher import Replied
 from drivers.ros2.types import Malformed, types
 from drivers.ros2.wire import CANCEL, CANCEL_KIND, FEEDBACK, RESULT, SEND
-from drivers.transport.guard import guarded
+from drivers.transport.loop import guarded
 
 ANSWER_TIME = 2.0
 """Seconds in which a server accepts a goal, or confirms that it cancels one."""

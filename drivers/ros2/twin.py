@@ -18,11 +18,11 @@ from drivers.errors import BadRequest, DriverError, NotConnected
 from drivers.ros2.actions import reason
 from drivers.ros2.declared import Ros2BaseKeys, Ros2RangeKeys, ZenohKeys
 from drivers.ros2.requests import ENDED
-from drivers.sim.ground import BackupLimit
 from drivers.sim.navigator import NO_PROGRESS, Navigator
 from drivers.sim.plug import Plug
 from drivers.sim.scanner import looking
 from drivers.sim.stage import Stage
+from drivers.sim.things import BackupLimit
 from drivers.sim.world import World
 
 FASTEST = 100.0

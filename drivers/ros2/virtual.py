@@ -31,12 +31,11 @@ from drivers.ros2.session import Access, open_session
 from drivers.ros2.types import types
 from drivers.ros2.virtual_joints import VirtualJoints
 from drivers.ros2.virtual_topics import Topics, VirtualBase, VirtualPictures, VirtualScan
-from drivers.sim.ground import BackupLimit
 from drivers.sim.navigator import ABORTED, NO_PROGRESS, Navigator
 from drivers.sim.render import Renderer
 from drivers.sim.scanner import looking
 from drivers.sim.stage import Stage
-from drivers.sim.things import SIZE, Dock
+from drivers.sim.things import SIZE, BackupLimit, Dock
 from drivers.sim.viewpoint import Pinhole
 from drivers.sim.world import World
 from drivers.virtual.plugged import Plugged

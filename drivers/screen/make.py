@@ -9,7 +9,7 @@ from drivers.clock import Clock
 from drivers.screen.declared import PageKeys
 from drivers.screen.kept import KeptScreen
 from drivers.screen.pages import PageScreen
-from drivers.transport.guard import guarded
+from drivers.transport.loop import guarded
 
 # The screen of a machine without one: it prints what the face would show.
 

@@ -17,7 +17,7 @@ from drivers.screen.drawing import CREAM, HEIGHT, NIGHT, WIDTH, Shape, draw
 from drivers.screen.expression import Expression, Words, expression, plain
 from drivers.screen.kept import KeptScreen
 from drivers.screen.server import Document, PageServer
-from drivers.transport.guard import guarded
+from drivers.transport.loop import guarded
 
 
 def svg(face: Expression, text: str, size: tuple[int, int] | None = None, *, label: str = "") -> str:

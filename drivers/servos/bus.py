@@ -7,8 +7,7 @@ from typing import Literal, NamedTuple
 from drivers.api.quick import dataclass
 from drivers.errors import BadRequest, NoReply
 from drivers.servos.channel import Channel
-from drivers.servos.codec import Codec, Keep, Reply
-from drivers.servos.late_replies import Wanted
+from drivers.servos.codec import Codec, Keep, Reply, Wanted
 from drivers.servos.models import model_of
 from drivers.servos.register import Block, Register
 from drivers.servos.units import Protocol, called, short

@@ -7,12 +7,11 @@ from threading import RLock
 from drivers.api.quick import dataclass
 from drivers.clock import Clock
 from drivers.errors import BadRequest, NotConnected
-from drivers.servos.codec import Codec, Reply, codecs
-from drivers.servos.late_replies import Exchange, Overdue, Wanted
+from drivers.servos.codec import Codec, Exchange, Overdue, Reply, Wanted, codecs
 from drivers.servos.units import RETURN_DELAY_STEP, Framing, Protocol
 from drivers.servos.wire import REFUSAL, Fault, Packet
 from drivers.transport.adapter import Dial, Line, open_line
-from drivers.transport.delays import Delays
+from drivers.transport.history import Delays
 
 RETURN_DELAY = 254 * RETURN_DELAY_STEP
 """Seconds: the longest delay that a servo can be set to before it replies."""

@@ -18,7 +18,7 @@ from drivers.servos.bus import Bus
 from drivers.servos.joint import Joint
 from drivers.servos.telling import Telling
 from drivers.servos.torque import go
-from drivers.transport.guard import guarded
+from drivers.transport.loop import guarded
 from drivers.transport.reconnect import Absence, Enabling
 
 EPISODE = 10.0

@@ -26,8 +26,7 @@ from drivers.servos.telling import REMEDY
 from drivers.servos.torque import go, go_on, insisting, recover, settle
 from drivers.servos.watch import GRACE, Watch
 from drivers.transport.adapter import timer_of
-from drivers.transport.guard import guarded
-from drivers.transport.loop import MakeLoop, ThreadLoop
+from drivers.transport.loop import MakeLoop, ThreadLoop, guarded
 
 # What an arm says of itself: whether it is there, what is wrong with it, and the figures of its wire.
 

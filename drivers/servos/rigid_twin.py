@@ -7,8 +7,7 @@ from drivers.api import Away, JointState, Report, ignore
 from drivers.clock import Clock
 from drivers.servos.joint import JointSpec
 from drivers.servos.models import MODELS
-from drivers.servos.servo_twin import TEMPERATURE, VOLTAGE, ServoTwin
-from drivers.servos.twin import JointsTwin
+from drivers.servos.twin import TEMPERATURE, VOLTAGE, JointsTwin, ServoTwin
 from drivers.sim.rigid.scene import Scene
 from drivers.sim.servo import Shaft
 

@@ -5,8 +5,7 @@ from math import cos, degrees, inf, remainder, sin, tau
 
 from drivers.api import BASE_RADIUS, STILL, DockSignals, Pose2D, Sides, Velocity
 from drivers.sim.battery import Battery
-from drivers.sim.ground import BackupLimit, Ground, OpenFloor
-from drivers.sim.things import NO_SIGNALS
+from drivers.sim.things import NO_SIGNALS, BackupLimit, Ground, OpenFloor
 from drivers.sim.wheels import Encoders, GyroDrift, Wheels
 
 # What a simulated base draws: its motors by what they have to do, and all the rest of it.

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 from drivers.api import DeviceStatus, Health, Report, ignore
 from drivers.errors import NotConnected
-from drivers.transport.guard import guarded
+from drivers.transport.loop import guarded
 
 
 class Plug:

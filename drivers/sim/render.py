@@ -12,11 +12,19 @@ import numpy.typing as npt
 
 from drivers.api import Image
 from drivers.sim.block import Block, Disc, Point3
-from drivers.sim.canvas import Canvas, Points, Sprite, mirrored, oval
-from drivers.sim.face import mixed, paint_back_of_head, paint_hair_behind, paint_head
+from drivers.sim.face import (
+    Canvas,
+    Points,
+    Sprite,
+    mirrored,
+    mixed,
+    oval,
+    paint_back_of_head,
+    paint_hair_behind,
+    paint_head,
+)
 from drivers.sim.looks import LOOKS, Look
-from drivers.sim.painter import NEAR_PLANE, Floats, Painter
-from drivers.sim.panels import holes, panels, shaded
+from drivers.sim.painter import NEAR_PLANE, Floats, Painter, holes, panels, shaded
 from drivers.sim.people import Presence
 from drivers.sim.room import Colour
 from drivers.sim.things import MARKER_SIZE, Ball, Box, Rover, Wall

@@ -11,11 +11,10 @@ import numpy.typing as npt
 from drivers.api import BASE_RADIUS, Image, Pose2D
 from drivers.sim.block import Block
 from drivers.sim.looks import LOOKS
-from drivers.sim.people import BODY, Presence
+from drivers.sim.people import BODY, Place, Presence
 from drivers.sim.room import Colour
 from drivers.sim.things import Ball, Box, Rover
 from drivers.sim.viewpoint import Viewpoint
-from drivers.sim.walk import Place
 from drivers.sim.world import World
 
 _AROUND: Colour = (236, 236, 232)

@@ -10,11 +10,54 @@ from drivers.api import Pose2D
 from drivers.errors import BadRequest
 from drivers.sim.acts import Cues, Heard, Reply
 from drivers.sim.block import Point3, Solid
-from drivers.sim.light import Light
-from drivers.sim.people import EARSHOT, Person, Presence
+from drivers.sim.people import EARSHOT, Person, Place, Presence
 from drivers.sim.room import Room
 from drivers.sim.things import Ball, Box, Dock, Edge, Rover, Wall
-from drivers.sim.walk import Place
+
+# The light in a simulated world, and how it changes with time.
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """From ``at`` seconds on the light goes to ``level``, evenly within ``over`` seconds."""
+
+    at: float
+    level: float
+    over: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Light:
+    """How bright it is: 1 is daylight, 0.25 a quarter of it. ``level`` at first, then what ``changes`` make of it.
+
+    Each change begins from what the one before it had reached. Raises BadRequest for a level or a length below 0, and
+    for changes that are not in the order of time.
+    """
+
+    level: float = 1.0
+    changes: tuple[Change, ...] = ()
+
+    def __post_init__(self) -> None:
+        before = 0.0
+        for level in (self.level, *(change.level for change in self.changes)):
+            if not level >= 0:
+                raise BadRequest(f"world: light {level}: must not be negative")
+        for change in self.changes:
+            if change.over < 0 or not change.at >= before:
+                raise BadRequest(f"world: light changes at {change.at} s over {change.over} s: not in order of time")
+            before = change.at
+
+    def at(self, time: float) -> float:
+        """Return the level at ``time`` seconds."""
+        level = self.level
+        for number, change in enumerate(self.changes):
+            if change.at > time:
+                break
+            until = time if number + 1 == len(self.changes) else min(time, self.changes[number + 1].at)
+            share = 1.0 if until - change.at >= change.over else (until - change.at) / change.over
+            level += share * (change.level - level)
+        return level
+
 
 TALL = 0.5
 """Metres: what begins higher than this above the floor, a base drives under."""
@@ -31,7 +74,7 @@ SENSOR_HEIGHT = 0.2
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """Everything that a simulated robot can see, hear and bump into; meets ``drivers.sim.ground.Ground``.
+    """Everything that a simulated robot can see, hear and bump into; meets ``drivers.sim.things.Ground``.
 
     A value, but for what has been said in it: ``hear`` adds to that, and people do what it makes them do. So what the
     world is like is a function of the time and of what was said. ``light`` is 1 in daylight, 0.25 for a quarter of it.

@@ -9,10 +9,9 @@ from drivers.clock import Clock
 from drivers.errors import DeviceFault, NoReply
 from drivers.extras import extra_hint
 from drivers.sound.cut import Cut
-from drivers.sound.manner import WORDS_PER_MINUTE, espeak_name, longest
 from drivers.sound.partner import Partner
-from drivers.sound.program import run
-from drivers.sound.protocol import Speech, request, speech
+from drivers.sound.program import Speech, request, run, speech
+from drivers.sound.spoken import WORDS_PER_MINUTE, espeak_name, longest
 from drivers.transport.pipe import Message, Worker
 
 PROGRAM = Path(__file__).with_name("espeak_worker.py")

@@ -10,7 +10,7 @@ from drivers.api import DeviceStatus, Report, ignore
 from drivers.clock import Clock
 from drivers.errors import NoReply, NotConnected
 from drivers.sound.cut import Cut
-from drivers.transport.guard import guarded
+from drivers.transport.loop import guarded
 from drivers.transport.pipe import Message, Worker
 
 START = 5.0

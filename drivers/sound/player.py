@@ -11,7 +11,7 @@ from drivers.errors import BadRequest, NoReply
 from drivers.extras import extra_hint
 from drivers.sound.cut import Cut
 from drivers.sound.partner import Partner
-from drivers.sound.protocol import Speech, pieces
+from drivers.sound.program import Speech, pieces
 from drivers.transport.pipe import Message, Worker
 
 PROGRAM = Path(__file__).with_name("sound_worker.py")

@@ -7,9 +7,8 @@ from threading import RLock
 from drivers.api import AS_USUAL, Health, Manner, MouthShape, Priority, Utterance, ignore
 from drivers.clock import Clock
 from drivers.errors import NotConnected
-from drivers.sound.manner import filled, seconds_of
-from drivers.sound.sounds import checked, length_of
-from drivers.sound.spoken import Turns
+from drivers.sound.spoken import Turns, filled, seconds_of
+from drivers.sound.wav import checked, length_of
 
 
 class PrintedVoice:

@@ -9,8 +9,7 @@ import serial
 
 from drivers.api import DeviceStatus, Health, Report, ignore
 from drivers.errors import NotConnected
-from drivers.transport.guard import guarded
-from drivers.transport.loop import MakeLoop, ThreadLoop
+from drivers.transport.loop import MakeLoop, ThreadLoop, guarded
 from drivers.transport.ports import SerialPort, explain, open_port
 
 PULSE = 0.02

@@ -21,7 +21,7 @@ from typing import Any, Protocol
 from drivers.api import DeviceStatus, Health, Report, ignore
 from drivers.clock import Clock
 from drivers.errors import NoReply, NotConnected
-from drivers.transport.guard import guarded
+from drivers.transport.loop import guarded
 
 Message = Mapping[str, Any]
 """What one line of JSON says."""

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 import serial
 
 from drivers.errors import NotConnected
-from drivers.transport.access import explain_denied
-from drivers.transport.programs import Program, device_holders, end_command
+from drivers.transport.programs import Program, device_holders, end_command, explain_denied
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer

@@ -6,7 +6,7 @@ from drivers.api.driver import Finding, Site, warning
 from drivers.extras import extra_hint
 from drivers.sound.printed import PrintedVoice
 from drivers.voice.declared import SpeechKeys
-from drivers.voice.make import auto
+from drivers.voice.speech import auto
 
 
 def checkup(keys: SpeechKeys, site: Site) -> Iterator[Finding]:

@@ -62,7 +62,7 @@ AUTO = Driver(
     "voice",
     "The first of espeak, program and print that there is.",
     SpeechKeys,
-    make="drivers.voice.make:auto",
+    make="drivers.voice.speech:auto",
     checkup="drivers.voice.checkup:checkup",
     extra="speak",
 )
@@ -71,7 +71,7 @@ ESPEAK = Driver(
     "voice",
     "The wheel of espeak-ng.",
     SpeechKeys,
-    make="drivers.voice.make:espeak",
+    make="drivers.voice.speech:espeak",
     extra="speak",
 )
 PROGRAM = Driver(
@@ -79,7 +79,7 @@ PROGRAM = Driver(
     "voice",
     "An installed synthesiser.",
     SpeechKeys,
-    make="drivers.voice.make:program",
+    make="drivers.voice.speech:program",
     extra="speak",
 )
 PIPER = Driver(
@@ -87,7 +87,7 @@ PIPER = Driver(
     "voice",
     "Piper, with the voice in a file.",
     PiperKeys,
-    make="drivers.voice.make:piper",
+    make="drivers.voice.speech:piper",
     extra="speak",
 )
 COMMAND = Driver(
@@ -95,7 +95,7 @@ COMMAND = Driver(
     "voice",
     "A command line that speaks its standard input.",
     CommandKeys,
-    make="drivers.voice.make:command",
+    make="drivers.voice.speech:command",
     extra="speak",
 )
 PRINT = Driver(
@@ -103,5 +103,5 @@ PRINT = Driver(
     "voice",
     "Words on the terminal.",
     SpeechKeys,
-    make="drivers.voice.make:printed",
+    make="drivers.voice.speech:printed",
 )

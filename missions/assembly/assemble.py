@@ -26,7 +26,7 @@ def real_voice(place: "Place", section: Section, made: Mapping[str, Any]) -> tup
     if simulation is None:
         voice: Voice = place.device(section, made)
     else:
-        from drivers.voice.make import printed  # noqa: PLC0415 - a robot on the metal without a voice needs none of it
+        from drivers.voice.speech import printed  # noqa: PLC0415 - a robot on the metal without a voice needs none of it
 
         out = partial(_aloud, place.audience.out, simulation.hear)
         voice = printed(section.keys, place.site(section, made, out))

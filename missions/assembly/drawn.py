@@ -8,7 +8,7 @@ from math import atan2
 
 import numpy as np
 
-from config.people import PersonConfig
+from config.things import PersonConfig
 from drivers.api import DeviceStatus, Report
 from drivers.sim.looks import LOOKS
 from drivers.sim.people import Person

@@ -183,7 +183,7 @@ def vision(
 
 
 def _things(wanted: tuple[Wanted, ...]) -> Sense[Thing]:
-    from perception.things import ThingSense  # noqa: PLC0415 - most missions look for none
+    from perception.spots import ThingSense  # noqa: PLC0415 - most missions look for none
 
     return ThingSense(wanted, COLOURS)
 

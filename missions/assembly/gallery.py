@@ -9,13 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from config.people import PersonConfig
+from config.things import PersonConfig
 from drivers.api import DeviceStatus, Report
 from drivers.api.senses import CameraKeys
 from missions.assembly.models import yunet_file
 from missions.library.interests import Interests
-from missions.library.people import People, PeopleError, people_of
-from missions.library.portraits import FEATURES, NEW, digest, files_in, read
+from missions.library.people import FEATURES, NEW, People, PeopleError, digest, files_in, people_of, read
 from perception.api import Box, Image
 from perception.crops import face_in
 from perception.dlib_people import LENGTH, DlibDescriber, DlibPeople, Feature

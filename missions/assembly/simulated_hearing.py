@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from threading import Event, Lock, Thread
 
-from config.people import PersonConfig
+from config.things import PersonConfig
 from config.world import WorldConfig
 from drivers.api import DeviceStatus, Health, Manner, Report, Voice
 from drivers.api.senses import MicrophoneKeys

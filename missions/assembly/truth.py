@@ -6,7 +6,7 @@ from itertools import chain, product
 from math import atan2, cos, hypot, pi, remainder, sin, tau
 from random import Random
 
-from config.people import PersonConfig
+from config.things import PersonConfig
 from drivers.sim.block import Block, Point3, Solid
 from drivers.sim.people import Presence
 from drivers.sim.room import Colour

@@ -14,7 +14,7 @@ from missions.cli.names import MISSION
 from missions.cli.options import files_of, leaves_for
 from missions.cli.usual_robot import load_for, robot_option, robots_for, target
 from missions.language.claims import impossible
-from missions.language.guards import actions_as_guards, guards_kept
+from missions.language.outcomes import actions_as_guards, guards_kept
 from missions.language.phrases import confusions
 from missions.library.plugins import file_kind_of, load
 from missions.library.shipped import shipped_missions

@@ -15,7 +15,7 @@ from click.shell_completion import (
     split_arg_string,
 )
 
-from config.saving import save_file
+from config.reading import save_file
 from missions.cli.outputs import writing
 from missions.cli.root import COMPLETING, SUCCESS, mission
 from missions.library.folders import data_folder

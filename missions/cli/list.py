@@ -11,8 +11,7 @@ from behaviours.joint_ranges import JointRanges
 from config.controller import load_controller
 from config.defaults import own_files, unreadable_folders
 from config.faults import InvalidFileError
-from config.gait import load_gait
-from config.gesture import load_gesture
+from config.gesture import load_gait, load_gesture
 from config.library import shipped
 from config.object import load_object
 from config.world import load_world

@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 
 from config.editing import rewrite
-from config.saving import save_file
+from config.reading import save_file
 from missions.library.folders import state_folder
 
 MIN_ROOM = 65_536

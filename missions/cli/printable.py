@@ -8,11 +8,27 @@ import codecs
 import io
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TextIO, cast
 
 import click
+
+# Tables on a terminal: rows of words under their headings, each column as wide as it must be.
+
+
+def in_columns(headings: Sequence[str], rows: Sequence[Sequence[str]], *, left: frozenset[str] = frozenset()) -> str:
+    """Return lines with the headings above; columns are aligned to the right but those named in ``left``."""
+    widths = [max(len(row[number]) for row in (headings, *rows)) for number in range(len(headings))]
+    lines = []
+    for row in (headings, *rows):
+        cells = [
+            word.ljust(width) if heading in left else word.rjust(width)
+            for word, width, heading in zip(row, widths, headings, strict=True)
+        ]
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)
+
 
 _OBEYED = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]|\r(?!\n)")
 """Control codes of both sets but tab and new line, separators of lines, and what turns the direction of writing."""

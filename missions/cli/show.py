@@ -16,7 +16,7 @@ from click.core import ParameterSource
 from behaviours.catalogue import LEAVES
 from config.faults import closest
 from config.library import DEFAULT_ROBOT, SHEETS, UnknownNameError, find, is_file, kinds_of, shipped
-from config.saving import PRIVATE, save_file
+from config.reading import PRIVATE, save_file
 from missions.cli.behaviours import is_word, show_behaviour
 from missions.cli.declared import behaviours_option, params_option
 from missions.cli.names import ROBOT, SHOWN
@@ -26,9 +26,8 @@ from missions.cli.outputs import writing, wrote
 from missions.library.plugins import file_kind_of, load, service
 from missions.library.shipped import find_mission, load_mission, shipped_missions
 from missions.trees.draw import drawing_of, folded
-from missions.trees.drawing import Drawing, outline
+from missions.trees.drawing import Drawing, outline, to_json
 from missions.trees.text import dot, mermaid, text_tree
-from missions.trees.tree_json import to_json
 
 Dump = str | bytes
 

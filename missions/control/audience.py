@@ -6,12 +6,11 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 
 from drivers.clock import Clock
-from missions.control.commands import Watch
+from missions.control.commands import MAX_REFUSED_BYTES, Watch
 from missions.control.doing import Doing
 from missions.control.messages import Events, Picture, Scene, as_json, line_of
 from missions.control.outlet import MOST_EVENTS, Outlet, merged, scene_of
 from missions.control.pictures import Pictures
-from missions.control.reading import MAX_REFUSED_BYTES
 from missions.runner import Runner
 
 MOST_ANSWERS = 256

@@ -22,7 +22,7 @@ from drivers.api.quick import dataclass
 from drivers.clock import Clock, SystemClock, time_of_day
 from missions.control import abstract, sockets
 from missions.control.audience import IDLE, NOTHING, Audience, Client
-from missions.control.commands import BadMessage, Command, Drive, Look, Release, Seen, Stop, Watch
+from missions.control.commands import BadMessage, Command, Drive, Look, Release, Seen, Stop, Watch, id_in, read_command
 from missions.control.doing import Doing
 from missions.control.holders import require_stop
 from missions.control.messages import Answer, Over, Run
@@ -30,7 +30,6 @@ from missions.control.notes import Notes
 from missions.control.outlet import Outlet
 from missions.control.pictures import Pictures
 from missions.control.places import CHECK_TIMEOUT, FOLDER_TIMEOUT, FolderTimeoutError, Place, places, within
-from missions.control.reading import id_in, read_command
 from missions.control.wheels import Wheels
 from missions.executive.events import Event
 from missions.runner import Runner

@@ -247,7 +247,7 @@ def merged(old: Mapping[str, object], new: Mapping[str, object]) -> Json:
 def scene_of(runner: Runner) -> Json:
     """Return what does not change of a run while it goes on."""
     from missions.trees.draw import drawing_of, first_values  # noqa: PLC0415 - a run that nobody watches draws nothing
-    from missions.trees.tree_json import to_json  # noqa: PLC0415
+    from missions.trees.drawing import to_json  # noqa: PLC0415
 
     plan, assembled = runner.plan, runner.assembled
     base = assembled.robot.base_part

@@ -9,9 +9,8 @@ from py_trees.common import ParallelPolicy, Status
 from behaviours.node import Node, Suspension
 from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite
 from missions.language.counts import Decision, decision
-from missions.language.expressions import ExpressionError
+from missions.language.expressions import ExpressionError, Value
 from missions.language.plan import Step
-from missions.language.values import Value
 
 
 class Parallel(Composite, composites.Parallel):

@@ -9,16 +9,14 @@ from behaviours.robot import Robot
 from behaviours.run import Run
 from config.units import UNITS
 from missions.executive.composites import COMPOSITES
-from missions.executive.for_each import ForEach
+from missions.executive.for_each import SWITCHES, ForEach
 from missions.executive.modifiers import MODIFIERS
 from missions.executive.parent import Parent
 from missions.executive.submission import Submission
-from missions.executive.switch import SWITCHES
-from missions.language.expressions import of_kind
+from missions.language.expressions import Value, of_kind
 from missions.language.kinds import kind_of_type
 from missions.language.nodes import FOR_EACH, MISSION
 from missions.language.plan import Plan, Step
-from missions.language.values import Value
 
 RobotFor = Callable[[Node], Robot]
 """Gives a leaf the robot that it sees: one that knows in whose name a command is sent."""

@@ -9,9 +9,8 @@ from py_trees.decorators import Decorator
 
 from behaviours.node import Node, Suspension, lost_reason, reset_all
 from drivers.errors import NotConnected
-from missions.language.expressions import ExpressionError
+from missions.language.expressions import ExpressionError, Value
 from missions.language.plan import Step
-from missions.language.values import Value
 
 RUNNING, SUCCESS, FAILURE, IDLE = Status.RUNNING, Status.SUCCESS, Status.FAILURE, Status.INVALID
 

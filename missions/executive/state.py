@@ -13,8 +13,8 @@ from drivers.api import Base, BaseState, HeadPose, RangeScan, Reading
 from drivers.clock import Clock
 from drivers.errors import SensorSilent
 from missions.executive.guard import Guard
+from missions.language.expressions import Value
 from missions.language.robot_state import state_value
-from missions.language.values import Value
 from perception.api import Face
 
 T = TypeVar("T")

@@ -9,9 +9,8 @@ from py_trees.decorators import Decorator
 from behaviours.node import Node
 from drivers.errors import NotConnected
 from missions.executive.parent import FAILURE, IDLE, RUNNING, SUCCESS, Parent
-from missions.language.expressions import ExpressionError
+from missions.language.expressions import ExpressionError, Value
 from missions.language.plan import Step
-from missions.language.values import Value
 
 
 class Submission(Parent, Decorator):

@@ -14,14 +14,25 @@ from config.faults import key_meant
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import EXAMPLES, UNITS, Quantity, quantity, seen, written
 from drivers.api.kinds import SEVERAL
-from missions.language.expressions import Expression, ExpressionError, calculates, parse
+from missions.language.expressions import (
+    UNREAD,
+    Convert,
+    Expression,
+    ExpressionError,
+    Template,
+    Value,
+    calculates,
+    in_si,
+    parse,
+    shown,
+    whole,
+)
 from missions.language.modifiers import outdent
 from missions.language.nodes import MISSION
 from missions.language.notes import Notes, hole_meant
 from missions.language.operators import described
 from missions.language.phrases import KIND as PHRASES
 from missions.language.phrases import read_phrases, second_phrase
-from missions.language.values import UNREAD, Convert, Template, Value, in_si, shown, whole
 from perception.api import Face
 
 # Texts of arguments that mean something else: what finds the thing, the file or the mission that one names.

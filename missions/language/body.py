@@ -10,12 +10,12 @@ from config.faults import Mark, key_meant, one_of, ours_for
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import seen
 from drivers.api.quick import dataclass
+from missions.language.expressions import Value
 from missions.language.modifiers import read_expression
 from missions.language.notes import Notes
-from missions.language.params import Param, of_one_kind, read_params, setters
+from missions.language.param_types import Param, of_one_kind, read_params, setters
 from missions.language.plan import Hole, Property, Step
 from missions.language.synonyms import WORDS
-from missions.language.values import Value
 
 PROPERTIES = {
     "never": (

@@ -14,10 +14,10 @@ from config.library import shipped
 from config.units import article
 from drivers.api.kinds import CAPABILITIES, KINDS
 from missions.language.counts import decision
+from missions.language.expressions import Value
 from missions.language.nodes import AT_ONCE, COMPOSITES, FAILURE, MODIFIERS
 from missions.language.notes import Lookup, Notes
 from missions.language.plan import Step
-from missions.language.values import Value
 
 
 def none_of(texts: Sequence[str]) -> tuple[()]:

@@ -7,8 +7,8 @@ from behaviours.leaf import Leaf
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import seen
 from drivers.api.quick import dataclass
+from missions.language.expressions import UNREAD, Value, whole
 from missions.language.notes import Notes
-from missions.language.values import UNREAD, Value, whole
 
 # Arguments as the file has them, for pictures: "60 deg", not 1.0472.
 

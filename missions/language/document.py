@@ -15,18 +15,17 @@ from config.marked import compose, read_source
 from config.units import seen
 from missions.language.body import read_body
 from missions.language.claims import Target, check_claims, check_necks, check_needs, check_reach
-from missions.language.expressions import Expression
+from missions.language.expressions import Expression, Value
 from missions.language.for_each import check_names, own_steps
 from missions.language.nodes import MISSION, SWITCHES
 from missions.language.notes import Lookup, Notes, Words, no_missions
 from missions.language.outcomes import check_outcomes
-from missions.language.params import Param, read_params, take_params
+from missions.language.param_types import Param, read_params, take_params
 from missions.language.phrases import check_phrases, own_phrases
 from missions.language.plan import Plan, Step
 from missions.language.sought import check_objects
 from missions.language.steps import read_step
 from missions.language.unset import check_flow
-from missions.language.values import Value
 from missions.language.variables import check_kinds
 
 

@@ -9,13 +9,13 @@ from config.units import article, seen
 from drivers.api.quick import dataclass
 from missions.language.arguments import default_value
 from missions.language.counts import written_entries
+from missions.language.expressions import UNREAD, Value, shown
 from missions.language.modifiers import outdent, read_expression
 from missions.language.nodes import AT_ONCE, FOR_EACH, MISSION
 from missions.language.notes import Notes
 from missions.language.operators import described
 from missions.language.param_types import kind_of, list_members
 from missions.language.plan import Hole, Step
-from missions.language.values import UNREAD, Value, shown
 
 KEYS = ("in", "as", "number", "do")
 FORM = 'write for_each: {in: places, as: place, do: {go_to: "${place}"}}'

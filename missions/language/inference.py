@@ -11,7 +11,7 @@ from config.faults import Diagnostic, Mark, Source, one_of
 from config.marked import Scalar
 from config.units import NUMBER, UNITS, DimensionError, common, is_unit, quantity
 from drivers.api.quick import dataclass
-from missions.language.expressions import Expression
+from missions.language.expressions import Expression, Template, Value, divide, multiply, needs
 from missions.language.kinds import (
     FLAG,
     NOTHING,
@@ -29,7 +29,6 @@ from missions.language.kinds import (
     told,
 )
 from missions.language.operators import combined
-from missions.language.values import Template, Value, divide, multiply, needs
 
 Report = Callable[[ast.expr, str, str], None]
 """Takes a part of an expression, what is wrong with it, and what to write."""

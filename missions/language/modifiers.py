@@ -6,10 +6,9 @@ from dataclasses import replace
 
 from config.marked import Node, Scalar
 from config.units import seen
-from missions.language.expressions import ExpressionError, parse
+from missions.language.expressions import UNREAD, Convert, ExpressionError, Value, in_si, parse, whole
 from missions.language.nodes import MODIFIERS
 from missions.language.notes import Notes
-from missions.language.values import UNREAD, Convert, Value, in_si, whole
 
 
 def read_modifier(notes: Notes, word: str, node: Node) -> Value:

@@ -11,12 +11,11 @@ from config.faults import Diagnostic, Mark, Source, closest, note, one_of, plain
 from config.marked import Node, Scalar
 from config.units import article, seen
 from drivers.api.quick import dataclass
-from missions.language.expressions import Expression, ExpressionError, Read
+from missions.language.expressions import UNREAD, Convert, Expression, ExpressionError, Read, Template, Value, template
 from missions.language.inference import Where, mismatches
 from missions.language.kinds import RESERVED, STATE, WORDS, Kind, kind_of_value, members_of
 from missions.language.operators import FUNCTIONS
 from missions.language.plan import Step
-from missions.language.values import UNREAD, Convert, Template, Value, template
 
 Lookup = Callable[[str], object]
 """Finds a thing by its name; raises LookupError that says what is there."""

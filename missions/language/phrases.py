@@ -8,9 +8,9 @@ from config.faults import Diagnostic
 from config.marked import Listing, Mapping, Node, Scalar
 from config.units import seen
 from missions.language.claims import Target
+from missions.language.expressions import UNREAD, Value
 from missions.language.notes import Notes
 from missions.language.plan import Step
-from missions.language.values import UNREAD, Value
 from perception.hearing.grammar import fault_of, normalised
 
 KIND = "phrases"

@@ -7,10 +7,9 @@ from functools import cached_property
 from behaviours.leaf import Leaf
 from config.faults import Mark, Source
 from drivers.api.quick import dataclass
-from missions.language.expressions import Read
+from missions.language.expressions import Read, Value
 from missions.language.nodes import MISSION
 from missions.language.robot_state import ROBOT_STATE, state_value
-from missions.language.values import Value
 
 
 @dataclass(frozen=True)

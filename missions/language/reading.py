@@ -3,11 +3,10 @@
 import ast
 from collections.abc import Collection, Iterator, Mapping
 
-from missions.language.expressions import Expression
+from missions.language.expressions import Expression, Template, Value
 from missions.language.for_each import own_steps
 from missions.language.kinds import STATE, WORDS
 from missions.language.plan import Step
-from missions.language.values import Template, Value
 
 
 def surely_read(value: Value) -> frozenset[str]:

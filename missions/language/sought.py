@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from contextlib import suppress
 from itertools import product
 
+from missions.language.expressions import Value
 from missions.language.for_each import Members
 from missions.language.notes import Notes
 from missions.language.plan import Hole, Step
-from missions.language.values import Value
 from perception.api import Wanted
 
 KIND = "object"

@@ -15,15 +15,15 @@ from drivers.api.kinds import SEVERAL
 from missions.language.arguments import read_arguments
 from missions.language.body import read_body, read_returns
 from missions.language.counts import COUNTS, as_written, read_counts, written_arguments, written_entries
+from missions.language.expressions import UNREAD, Value
 from missions.language.for_each import read_for_each
 from missions.language.modifiers import outdent, read_modifier
 from missions.language.nodes import BRANCHES, COMPOSITES, FOR_EACH, MISSION, MODIFIERS, SWITCHES
 from missions.language.notes import MAX_DEPTH, MAX_STEPS, Notes
-from missions.language.params import Param, setters
+from missions.language.param_types import Param, setters
 from missions.language.plan import UNKNOWN, Hole, Step
 from missions.language.switches import read_switch
 from missions.language.synonyms import COMPARISON, WORDS, word_meant
-from missions.language.values import UNREAD, Value
 
 # A mission inside a mission: found, read with the params that it is given, and its results handed back.
 

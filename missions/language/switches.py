@@ -11,12 +11,12 @@ from config.faults import Diagnostic, one_of
 from config.marked import Mapping, Node, Scalar
 from config.units import NUMBER, seen
 from missions.language.arguments import default_value
+from missions.language.expressions import shown
 from missions.language.inference import kind_made
 from missions.language.kinds import FLAG, TEXT, Kind, is_size, joined, kind_of_value, told
 from missions.language.modifiers import outdent, read_expression
 from missions.language.notes import Notes
 from missions.language.plan import Step
-from missions.language.values import shown
 
 MEANT = {"yes": "true", "on": "true", "no": "false", "off": "false"}
 """What people write for true and false."""

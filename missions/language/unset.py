@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from behaviours.basics import Fail, Log, Set, Succeed
 from drivers.api.quick import dataclass
+from missions.language.expressions import Value
 from missions.language.for_each import Members
 from missions.language.kinds import STATE
 from missions.language.nodes import COMPOSITES, FAILURE, FOR_EACH, MISSION, MODIFIERS, SUCCESS, SWITCHES
@@ -20,7 +21,6 @@ from missions.language.outcomes import cuts
 from missions.language.outcomes import ends as ends_of
 from missions.language.plan import UNKNOWN, Hole, Step
 from missions.language.reading import may_fail, never_zero, surely_read
-from missions.language.values import Value
 
 # Sets of variables that may be unset at some place of a tree, each with the events that lead there.
 

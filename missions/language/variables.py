@@ -6,6 +6,7 @@ from functools import partial
 
 from config.faults import MAX_FAULTS, Diagnostic, note
 from config.units import NUMBER
+from missions.language.expressions import Value
 from missions.language.for_each import Members, own_steps
 from missions.language.inference import kind_made, mismatches
 from missions.language.kinds import NOTHING, UNSETTLED, Kind, ListOf, Record, joined, kind_of_type, kind_of_value
@@ -14,7 +15,6 @@ from missions.language.notes import Notes
 from missions.language.param_types import param_kind
 from missions.language.plan import Hole, Step
 from missions.language.switches import misfit_cases
-from missions.language.values import Value
 
 Kinds = Mapping[str, Kind]
 

@@ -21,8 +21,7 @@ from drivers.api.keys import declared
 from drivers.api.kinds import KINDS
 from drivers.api.sections import ArmKeys
 from drivers.table import HOUSE
-from missions.library.offers import BrokenOfferError, described, load_offer, offered, owner_of
-from missions.library.trial import said, shown
+from missions.library.trial import BrokenOfferError, described, load_offer, offered, owner_of, said, shown
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint

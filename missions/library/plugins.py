@@ -13,8 +13,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from config.faults import InvalidInputError
-from missions.library.offers import BrokenOfferError, described, load_offer, offered, owner_of
-from missions.library.trial import said, shown
+from missions.library.trial import BrokenOfferError, described, load_offer, offered, owner_of, said, shown
 from missions.plugin import GROUP, CommandEntry, FileKind, Plugin
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from itertools import count
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO, TextIO
 
-from config.saving import PRIVATE, whole_file
+from config.reading import PRIVATE, whole_file
 
 
 class ExistsError(ValueError):

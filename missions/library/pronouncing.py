@@ -9,9 +9,7 @@ from drivers.clock import Clock
 from drivers.errors import BadRequest, DriverError, NotConnected
 from drivers.sound.cut import Cut
 from drivers.sound.engines import Espeak
-from perception.hearing.confusion import confusable
-from perception.hearing.lexicon import Lexicon, english
-from perception.hearing.phones import phones_of
+from perception.hearing.lexicon import Lexicon, confusable, english, phones_of
 
 PLAINLY = Manner("en-us", 150.0)
 """In whose voice unknown words are pronounced."""

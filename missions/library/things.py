@@ -43,7 +43,7 @@ def move(name: str) -> Gesture:
 
 def gait(name: str) -> GaitKeys:
     """Return a gait by name or path. Raises as ``gesture`` does."""
-    from config.gait import load_gait  # noqa: PLC0415
+    from config.gesture import load_gait  # noqa: PLC0415
 
     return _load(load_gait, "gaits", name)
 

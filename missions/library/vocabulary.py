@@ -31,8 +31,17 @@ from missions.language.body import KEYS
 from missions.language.nodes import BRANCHES, MODIFIERS
 from missions.language.steps import BESIDE
 from missions.library.catalogue import WRITTEN
-from missions.library.offers import BrokenOfferError, described, load_offer, offered, owner_of
-from missions.library.trial import place_in, problem_of_file, said, shown
+from missions.library.trial import (
+    BrokenOfferError,
+    described,
+    load_offer,
+    offered,
+    owner_of,
+    place_in,
+    problem_of_file,
+    said,
+    shown,
+)
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint

@@ -1,18 +1,16 @@
 """From a world file to the world that a simulated robot stands in."""
 
 from config.colours import COLOURS
-from config.people import ActConfig, PersonConfig
-from config.things import BoxConfig, RoverConfig, Spot, ThingConfig
+from config.things import ActConfig, BoxConfig, PersonConfig, RoverConfig, Spot, ThingConfig
 from config.world import PhysicsConfig, WorldConfig
 from drivers.api import Pose2D
 from drivers.sim.acts import Act
 from drivers.sim.battery import RESISTANCE, Battery
-from drivers.sim.light import Change, Light
 from drivers.sim.people import Person
 from drivers.sim.room import Room
 from drivers.sim.stage import Physics
 from drivers.sim.things import Ball, Box, Dock, Edge, Rover, Wall
-from drivers.sim.world import World
+from drivers.sim.world import Change, Light, World
 
 
 def build_world(config: WorldConfig) -> World:

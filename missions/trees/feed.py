@@ -1,6 +1,6 @@
 """The run's side of a view: gathers what happens into few messages, and does what a person asks for.
 
-A message is a JSON object. The first is ``{"drawing": ..., "robot": name}``, see ``missions.trees.tree_json``;
+A message is a JSON object. The first is ``{"drawing": ..., "robot": name}``, see ``missions.trees.drawing``;
 the others say what is new: ``changed`` statuses and reasons by the key of their node, ``variables``, ``parts``, lines
 of the ``log``. In return comes ``{"do": ...}``, with one of ``ORDERS``.
 """

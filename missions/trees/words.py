@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from config.units import Quantity, written
 from missions.executive.events import VariableSet
+from missions.language.expressions import shown
 from missions.language.kinds import dimensions_of
-from missions.language.values import shown
 from missions.trees.draw import one_line
 from missions.trees.drawing import Drawing
 from perception.api import UNKNOWN, Face, Marker, Percept, Thing

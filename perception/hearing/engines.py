@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from perception.hearing.acceptance import Acceptance
-from perception.hearing.endpoint import Clip
 from perception.hearing.features import Decoding, features
 from perception.hearing.grammar import Grammar, normalised
 from perception.hearing.lexicon import Lexicon
-from perception.hearing.sound import clarified
+from perception.hearing.sound import Clip, clarified
 
 Judgement = tuple[str, float]
 """The nearest phrase and how surely it was said: the logarithm of the odds. No phrase at all is ``NOTHING``."""

@@ -11,10 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from perception.hearing.confusion import edits
-from perception.hearing.endpoint import Clip
-from perception.hearing.phones import KIND_OF
-from perception.hearing.sound import RATE, Floats, levels
+from perception.hearing.lexicon import KIND_OF, edits
+from perception.hearing.sound import RATE, Clip, Floats, levels
 
 FRAME = RATE // 100
 """Samples in a frame of the decoder."""

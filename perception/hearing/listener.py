@@ -10,9 +10,8 @@ from typing import Any, Final, Protocol
 import numpy as np
 
 from perception.api import Words, ignore
-from perception.hearing.endpoint import Clip, EndPointer
 from perception.hearing.engines import Judgement
-from perception.hearing.sound import FULL, RATE, Piece, levels
+from perception.hearing.sound import FULL, RATE, Clip, EndPointer, Piece, levels
 
 KEPT = 30.0
 """Seconds for which words are kept."""

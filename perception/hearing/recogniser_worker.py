@@ -23,8 +23,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its matrices are small: th
 import numpy as np
 import pocketsphinx
 
-from perception.hearing.acoustic_model import AcousticModel
-from perception.hearing.contest import Contest, Entry
+from perception.hearing.acoustic_model import AcousticModel, Contest, Entry
 from perception.hearing.features import FRAME
 from perception.hearing.sound import Samples, dithered
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from behaviours.driving.arc import Arc
+from behaviours.driving.motion import Arc
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from drivers.api import BaseState, Pose2D, Sides, Velocity
 from missions.plugins.testing.recorders import STOP, Bench, good, none

@@ -5,10 +5,9 @@ from itertools import pairwise
 import pytest
 from py_trees.common import Status
 
-from behaviours.arm import Gesture
 from behaviours.joint_motion import AHEAD, CATCH_UP, LONGEST_STEP, MARGIN
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
-from behaviours.playing import ARRIVAL_TIMEOUT, PEAK
+from behaviours.playing import ARRIVAL_TIMEOUT, PEAK, Gesture
 from drivers.api import Gesture as Movement
 from drivers.api import Keyframe, Quality, Reading
 from drivers.errors import DeviceFault

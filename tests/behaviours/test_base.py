@@ -7,9 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from behaviours.driving.motion import CRAWL, REACTION, Drive
-from behaviours.driving.stop import Stop
-from behaviours.driving.turning import Turn
+from behaviours.driving.motion import CRAWL, REACTION, Drive, Stop, Turn
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot
 from drivers.api import BaseState, Pose2D, Quality, Reading, Sides, Source, Velocity

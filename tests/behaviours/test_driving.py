@@ -7,12 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from behaviours.driving.arc import Arc
-from behaviours.driving.cruise import Cruise
 from behaviours.driving.go_to import GoTo
-from behaviours.driving.motion import REACTION, Drive, Motion
-from behaviours.driving.stop import Stop
-from behaviours.driving.turning import Turn
+from behaviours.driving.motion import REACTION, Arc, Cruise, Drive, Motion, Stop, Turn
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.robot import Robot
 from drivers.api import BaseLimits, BaseState, Pose2D, Sides, Source, Steering, Velocity

@@ -5,9 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from behaviours.feeling import BatteryBelow, Bumped, ButtonPressed, Cliff, Docked
+from behaviours.feeling import BatteryBelow, Bumped, ButtonPressed, Cliff, Docked, ObstacleWithin
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
-from behaviours.ranging import ObstacleWithin
 from behaviours.signals import Led, Sound
 from drivers.api import BaseState, Lamp, Pose2D, Sides, Tune, Velocity
 from drivers.errors import BadRequest

@@ -11,9 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from behaviours.tracking.follow import HEAD_LAG, LONGEST_STEP, PAUSE, Command, Follower
-from behaviours.tracking.fuzzy import Controller
+from behaviours.tracking.fuzzy import Controller, RuleBases
 from behaviours.tracking.lag import Lag, Turning
-from behaviours.tracking.rules import RuleBases
 from config.controller import load_controller
 from config.library import shipped
 from drivers.api import HeadLimits, HeadPose

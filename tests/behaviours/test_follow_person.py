@@ -8,7 +8,7 @@ import pytest
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import FAILURE, RUNNING
 from behaviours.tracking.follow import RuleBases
-from behaviours.tracking.follow_person import FollowPerson
+from behaviours.tracking.track import FollowPerson
 from config.controller import load_controller
 from config.faults import InvalidFileError
 from config.faults import Source as FileSource

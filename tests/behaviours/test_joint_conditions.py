@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from behaviours.joint_conditions import JointAt, JointHot, JointLoaded, JointMoving
+from behaviours.joints import JointAt, JointHot, JointLoaded, JointMoving
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot
 from drivers.api import Quality, Reading

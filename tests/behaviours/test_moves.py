@@ -5,11 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from behaviours.joint_motion import AHEAD, RUN_IN
+from behaviours.joint_motion import AHEAD, RUN_IN, JointError
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
-from behaviours.moves import Play, RecordMove
-from behaviours.playing import PEAK
-from behaviours.tracking_error import JointError
+from behaviours.playing import PEAK, Play, RecordMove
 from config.gesture import load_gesture
 from drivers.api import Gesture as Movement
 from drivers.api import Keyframe

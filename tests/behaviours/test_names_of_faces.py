@@ -5,10 +5,20 @@ from typing import Any
 
 import pytest
 
-from behaviours.identify import GONE, Identify
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
-from behaviours.sight import DECIDING, FaceCentred, FacesAtLeast, FaceSeen, FindFace, Meeting, is_same, may_be
-from behaviours.tracking.track_face import TrackFace
+from behaviours.sight import (
+    DECIDING,
+    GONE,
+    FaceCentred,
+    FacesAtLeast,
+    FaceSeen,
+    FindFace,
+    Identify,
+    Meeting,
+    is_same,
+    may_be,
+)
+from behaviours.tracking.track import TrackFace
 from drivers.api import Pose2D
 from missions.executive.state import state_of
 from missions.plugins.testing.recorders import Bench, face

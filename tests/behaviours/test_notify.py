@@ -4,8 +4,8 @@ import logging
 
 import pytest
 
+from behaviours.basics import Notify
 from behaviours.leaf import SUCCESS
-from behaviours.notify import Notify
 from missions.executive.events import Event, Notified
 from missions.executive.executive import Executive
 from missions.executive.stream import Stream

@@ -5,19 +5,20 @@ from dataclasses import replace
 import pytest
 
 from behaviours.docking import Dock
-from behaviours.driving.arc import Arc
 from behaviours.driving.go_to import GoTo
 from behaviours.driving.motion import (
     MARGIN,
     NO_PROGRESS_LIMIT,
     SETTLING_LIMIT,
+    STOP_LIMIT,
+    Arc,
     Drive,
     Motion,
+    Stop,
+    Turn,
     limit_of,
     seconds_to_drive,
 )
-from behaviours.driving.stop import STOP_LIMIT, Stop
-from behaviours.driving.turning import Turn
 from behaviours.leaf import FAILURE, RUNNING
 from behaviours.legs import Sit, Stand, TurnInPlace, Walk
 from drivers.api import STILL, BaseState, Pose2D, Source, Steering, Velocity

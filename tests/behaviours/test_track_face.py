@@ -7,8 +7,7 @@ import pytest
 from behaviours.leaf import FAILURE, RUNNING
 from behaviours.robot import Robot
 from behaviours.tracking.follow import RuleBases
-from behaviours.tracking.track import COAST
-from behaviours.tracking.track_face import TrackFace
+from behaviours.tracking.track import COAST, TrackFace
 from config.controller import load_controller
 from config.library import shipped
 from drivers.api import COMMAND_LIFE, STILL, BaseState, HeadPose, Pose2D, Source, Steering, Velocity

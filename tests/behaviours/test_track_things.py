@@ -7,9 +7,7 @@ import pytest
 from behaviours.leaf import FAILURE, RUNNING
 from behaviours.robot import Robot
 from behaviours.tracking.follow import RuleBases
-from behaviours.tracking.track_face import TrackFace
-from behaviours.tracking.track_object import TrackObject
-from behaviours.tracking.track_robot import TrackRobot
+from behaviours.tracking.track import TrackFace, TrackObject, TrackRobot
 from config.controller import load_controller
 from config.library import shipped
 from drivers.api import BaseState, HeadPose, Pose2D, Velocity

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.tracking_error import JointError, Sample, Tracking
+from behaviours.joint_motion import JointError, Sample, Tracking
 
 
 def test_each_joint_has_its_mean_square_and_its_worst_with_its_time() -> None:

@@ -23,7 +23,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from missions.plugins.testing.sweep.bins import wilson
+from missions.plugins.testing.sweep.summary import wilson
 from perception.api import Box, Image
 from perception.crops import face_in
 from perception.dlib_people import DlibDescriber, DlibPeople

@@ -14,12 +14,12 @@ from drivers.clock import ManualClock, SystemClock
 from drivers.microphone.wav import WavMicrophone
 from drivers.transport.pipe import Worker
 from perception.hearing.acceptance import Acceptance
-from perception.hearing.endpoint import Clip
 from perception.hearing.engines import NOTHING, Judgement, Sphinx
 from perception.hearing.features import Decoding, features
 from perception.hearing.grammar import Grammar
 from perception.hearing.lexicon import english
 from perception.hearing.listener import Listener
+from perception.hearing.sound import Clip
 from tests.benchmarks.spoken import RATE, Samples, Stream
 
 UNTAUGHT = Acceptance((), (), (), (), 0.0)

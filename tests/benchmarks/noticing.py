@@ -20,7 +20,7 @@ from perception.api import Wanted
 from perception.change import MotionSense
 from perception.geometry import Pinhole
 from perception.markers import MarkerSense
-from perception.things import ThingSense
+from perception.spots import ThingSense
 from perception.tracks import MarkerKind
 from tests.benchmarks.table import Row, compare
 

@@ -28,7 +28,7 @@ from config.library import DEFAULT_ROBOT, find
 from drivers.api import Head, HeadPose
 from drivers.api.driver import Site
 from drivers.arduino.declared import ArduinoKeys
-from drivers.arduino.make import make as make_head
+from drivers.arduino.driver import make as make_head
 from drivers.arduino.virtual import VirtualRodney
 from drivers.clock import Clock, SystemClock
 from drivers.sim.people import Person

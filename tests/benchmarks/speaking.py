@@ -11,7 +11,7 @@ import numpy as np
 import drivers.sound
 from drivers.clock import SystemClock
 from drivers.microphone.wav import resampled
-from drivers.sound.protocol import request, speech
+from drivers.sound.program import request, speech
 from drivers.transport.pipe import Worker
 from tests.benchmarks.spoken import Samples
 

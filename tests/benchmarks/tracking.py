@@ -9,7 +9,7 @@ from config.controller import load_controller
 from config.library import shipped
 from missions.library.things import controller
 from missions.plugins.testing.controllers.bench import bench
-from missions.plugins.testing.controllers.scenario import SCENARIOS, Body
+from missions.plugins.testing.controllers.trial import SCENARIOS, Body
 from tests.benchmarks.table import Row, compare
 
 PLACES = [(radians(error), radians(rate)) for error, rate in ((0.3, 5), (-1.7, 20), (4.0, -60), (-30, 0), (2.0, 130))]

@@ -139,7 +139,7 @@ def test_a_full_disk_is_told_with_the_file_that_it_kept_from_being_written(
         os.close(number)
         raise OSError(ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("config.saving.os.fdopen", full)
+    monkeypatch.setattr("config.reading.os.fdopen", full)
     with pytest.raises(OSError, match="No space left") as raised:
         rewrite(robot, "robot: other\n")
     assert raised.value.filename == str(robot)

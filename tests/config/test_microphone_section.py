@@ -13,7 +13,7 @@ from drivers.microphone.declared import FileKeys
 from drivers.screen.declared import PageKeys
 from missions.library.drivers import robot_of
 from perception.hearing.grammar import Grammar, normalised
-from perception.hearing.phones import KIND_OF
+from perception.hearing.lexicon import KIND_OF
 
 
 def robot(text: str) -> RobotConfig:

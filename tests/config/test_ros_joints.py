@@ -12,8 +12,7 @@ from drivers.servos.declared import DynamixelKeys, JointKeys, Ticks
 from drivers.servos.models import MODELS
 from missions.library.drivers import robot_of
 from missions.plugins.setup.servo.foreign_joints import PAIRED
-from missions.plugins.setup.servo.importing import robot_text
-from missions.plugins.setup.servo.ros_joints import RosJoints, load_ros_joints, ros_joints_of
+from missions.plugins.setup.servo.importing import RosJoints, load_ros_joints, robot_text, ros_joints_of
 
 TEN = Path(__file__).parent / "ten_joints.ros.yaml"
 

@@ -8,7 +8,7 @@ from drivers.clock import SystemClock
 from drivers.sound.program import Synthesiser
 from drivers.table import HOUSE
 from drivers.voice.declared import FILLED, PiperKeys, SpeechKeys
-from drivers.voice.make import Wish, make_voice
+from drivers.voice.speech import Wish, make_voice
 from missions.library.drivers import robot_of
 
 

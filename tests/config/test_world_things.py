@@ -8,8 +8,7 @@ import pytest
 
 from config.faults import Diagnostic, InvalidFileError
 from config.library import shipped
-from config.people import ActConfig
-from config.things import BoxConfig, DockConfig, EdgeConfig, ThingConfig, WallConfig
+from config.things import ActConfig, BoxConfig, DockConfig, EdgeConfig, ThingConfig, WallConfig
 from config.world import BatteryConfig, LightConfig, StartConfig, WorldConfig, load_world
 
 

@@ -6,7 +6,7 @@ from drivers.api import Pose2D, Ranger, RangeScan
 from drivers.base.range_twin import RangerTwin
 from drivers.ros2.ranger import Ros2Ranger
 from drivers.ros2.virtual_topics import VirtualScan
-from drivers.rplidar.driver import GATHER, RPLidar
+from drivers.rplidar.make import GATHER, RPLidar
 from drivers.rplidar.virtual import VirtualLidar
 from drivers.sim.room import Room
 from drivers.sim.scanner import looking

@@ -26,7 +26,7 @@ from drivers.kobuki.driver import kobuki_base
 from drivers.kobuki.twin import KobukiTwinOdometry
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.sim.body import NOTHING, Body
-from drivers.sim.ground import OpenFloor
+from drivers.sim.things import OpenFloor
 from tests.contract.rigs import InSimulatedTime, Rig, simulated
 from tests.drivers.cranked import HandWire
 

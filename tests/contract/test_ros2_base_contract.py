@@ -19,7 +19,7 @@ from drivers.ros2.types import types
 from drivers.ros2.virtual_topics import VirtualBase
 from drivers.ros2.wire import frame
 from drivers.sim.body import NOTHING, Body
-from drivers.sim.ground import BackupLimit
+from drivers.sim.things import BackupLimit
 from drivers.transport.link import Link
 from missions.plugins.testing.recorders import Bench
 from tests.contract.rigs import InSimulatedTime, simulated

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import BadRequest, NotConnected
-from drivers.ros2.voice import Ros2Voice
+from drivers.ros2.make import Ros2Voice
 from tests.contract.rigs import InSimulatedTime
 from tests.contract.test_voice_contract import (  # noqa: F401 - what holds of words
     VoiceRig,

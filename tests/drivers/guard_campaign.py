@@ -10,10 +10,8 @@ from math import hypot, inf, pi, radians
 from random import Random
 from typing import Any
 
-from behaviours.driving.arc import Arc
 from behaviours.driving.go_to import GoTo
-from behaviours.driving.motion import Drive
-from behaviours.driving.turning import Turn
+from behaviours.driving.motion import Arc, Drive, Turn
 from behaviours.leaf import RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot
 from behaviours.run import Run

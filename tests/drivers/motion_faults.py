@@ -17,10 +17,8 @@ from typing import Any
 import click
 from py_trees.common import Status
 
-from behaviours.driving.arc import Arc
 from behaviours.driving.go_to import GoTo
-from behaviours.driving.motion import Drive, Motion
-from behaviours.driving.turning import Turn
+from behaviours.driving.motion import Arc, Drive, Motion, Turn
 from behaviours.leaf import RUNNING, SUCCESS
 from behaviours.robot import Robot
 from drivers.api import STILL, BaseLimits, Pose2D
@@ -33,7 +31,7 @@ from drivers.pi_car.driver import KeeperProtocol
 from drivers.ros2.base import Ros2BaseProtocol
 from drivers.ros2.virtual_topics import VirtualBase
 from drivers.sim.body import Body
-from drivers.sim.ground import BackupLimit
+from drivers.sim.things import BackupLimit
 from drivers.sim.timeline import Timeline
 from drivers.sim.wheels import Wheels
 from drivers.virtual.guardian import VirtualCar

@@ -12,7 +12,7 @@ from random import Random
 from drivers.api import DeviceStatus, HeadPose, Health
 from drivers.arduino.board import Board
 from drivers.arduino.driver import ArduinoHead
-from drivers.arduino.reset_detector import MAX_PROOF_AGE, SESSION_TIMEOUT
+from drivers.arduino.session import MAX_PROOF_AGE, SESSION_TIMEOUT
 from drivers.arduino.virtual import FIRST, WITH_ENCODERS, VirtualRodney
 from drivers.clock import ManualClock
 from drivers.errors import DriverError, NotConnected

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from drivers.api import BASE_RADIUS, Pose2D, Sides, Velocity
 from drivers.sim.body import COMMAND_TIMEOUT, NOTHING, Body, either
-from drivers.sim.ground import OpenFloor
+from drivers.sim.things import OpenFloor
 from drivers.sim.wheels import Wheels
 
 WALL = 1.0

@@ -8,7 +8,7 @@ from drivers.base.velocity_multiplexer import VelocityMultiplexer
 from drivers.errors import NoReply
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.servos.bus import At
-from drivers.transport.delays import Delays
+from drivers.transport.history import Delays
 from tests.drivers.chains import chain
 from tests.drivers.lines import direct_bus
 from tests.drivers.test_kobuki_driver import Bench

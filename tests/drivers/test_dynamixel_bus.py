@@ -10,7 +10,7 @@ import pytest
 from drivers.clock import ManualClock
 from drivers.errors import BadRequest, NoReply, NotConnected
 from drivers.servos.bus import TRIES, At, Bus, Identity
-from drivers.servos.late_replies import LATE
+from drivers.servos.codec import LATE
 from drivers.servos.models import MODELS
 from drivers.servos.register import Block
 from drivers.servos.wire import Fault, status

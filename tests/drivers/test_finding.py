@@ -16,9 +16,8 @@ from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from drivers.finding.asking import Heard, certain, drivers_that_probe, put, who_answers
 from drivers.finding.machine import Machine
-from drivers.finding.serial_ports import SerialPort, lost_adapters, serial_ports
+from drivers.finding.serial_ports import SerialPort, Usb, lost_adapters, serial_ports
 from drivers.finding.survey import asker, cameras, pads, sound_cards, survey
-from drivers.finding.usb import Usb
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.rplidar.virtual import VirtualLidar
 from drivers.rplidar.wire import BEGIN, Command

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.legs.body import SIDES, Body, Floats, Side, body_of
-from drivers.legs.collision import clearance
+from drivers.legs.checking import clearance
 from drivers.legs.declared import LegsKeys
 from drivers.legs.kinematics import centre_jacobian, centre_of_mass, forward, jacobian, sole
 from drivers.legs.leg_ik import REASONS, solve

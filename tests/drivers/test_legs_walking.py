@@ -13,10 +13,9 @@ from drivers.legs.body import SIDES, Body, Floats, body_of
 from drivers.legs.declared import LegsKeys, StrideKeys
 from drivers.legs.engine import PERIOD, Engine, Felt, Plan, Posture, manner_of, plan, whole
 from drivers.legs.kinematics import FootOdometry, centre_of_mass, centre_over_legs, centres, forward, turning
-from drivers.legs.pendulum import GRAVITY, edges, margin, rate, swayed, swaying
 from drivers.legs.twin import LegsTwin
 from drivers.legs.twin import make as make_legs
-from drivers.legs.walker import Spot, Walker
+from drivers.legs.walker import GRAVITY, Spot, Walker, edges, margin, rate, swayed, swaying
 from drivers.servos.declared import DynamixelKeys
 from drivers.servos.twin import JointsTwin
 from drivers.servos.twin import make as make_arm

@@ -11,8 +11,8 @@ import serial
 from drivers.api import DeviceStatus, ignore
 from drivers.errors import NotConnected
 from drivers.sim.timeline import Timeline
-from drivers.transport.guard import guarded
 from drivers.transport.link import Link
+from drivers.transport.loop import guarded
 from tests.drivers.cranked import HandPort, HandWire, pass_until
 
 ANYTHING = [ValueError("broken"), SystemExit(1), BaseException("worse")]
@@ -160,7 +160,7 @@ def test_a_guarded_listener_hears_everything_and_lets_a_keyboard_interrupt_throu
 
 
 def test_a_log_that_fails_too_hurts_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(logging.getLogger("drivers.transport.guard"), "error", raising(SystemExit(1)))
+    monkeypatch.setattr(logging.getLogger("drivers.transport.loop"), "error", raising(SystemExit(1)))
     guarded(raising(SystemExit(1)))()
 
 

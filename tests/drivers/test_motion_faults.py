@@ -3,8 +3,7 @@
 import pytest
 from py_trees.common import Status
 
-from behaviours.driving.motion import Drive, Motion
-from behaviours.driving.turning import Turn
+from behaviours.driving.motion import Drive, Motion, Turn
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.robot import Robot
 from drivers.base.motion_fault import MAX_FAULTS

@@ -11,13 +11,12 @@ from hypothesis import strategies as st
 from drivers.api import Image, Pose2D
 from drivers.sim.acts import NOD_TIME, Act
 from drivers.sim.block import Block, Disc
-from drivers.sim.light import Change, Light
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer, back_to_front
 from drivers.sim.things import MARKER_SIZE, Ball, Box, Edge, Rover, Wall
 from drivers.sim.topview import TopView
 from drivers.sim.viewpoint import Pinhole, Viewpoint
-from drivers.sim.world import World
+from drivers.sim.world import Change, Light, World
 
 LENS = Pinhole(640, 480, radians(60))
 EYE = Viewpoint(z=0.6)

@@ -12,7 +12,7 @@ from drivers.api import Angles, DeviceStatus, Health, Quality
 from drivers.clock import ManualClock, SystemClock
 from drivers.errors import NotConnected
 from drivers.rplidar import wire
-from drivers.rplidar.driver import AGAIN, GATHER, STALE_AFTER, STUCK_AFTER, RPLidar
+from drivers.rplidar.make import AGAIN, GATHER, STALE_AFTER, STUCK_AFTER, RPLidar
 from drivers.rplidar.session import BOOT, REPLY_TIMEOUT, SILENCE, STOP_PAUSE, TRIES
 from drivers.rplidar.virtual import VirtualLidar
 from drivers.rplidar.wire import BAUD, Command, Condition, Status, request

@@ -5,7 +5,7 @@ from random import Random
 import numpy as np
 
 from drivers.base.scan_mounting import Mounting
-from drivers.rplidar.driver import Turns
+from drivers.rplidar.make import Turns
 from drivers.rplidar.models import MODELS
 from drivers.rplidar.nodes import SIZE, TURN, NodeFinder, Nodes
 from drivers.rplidar.wire import RequestFinder

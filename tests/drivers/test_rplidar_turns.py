@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from drivers.api import RangeScan
 from drivers.base.scan_mounting import BEAMS, Mounting, beam, bearings
-from drivers.rplidar.driver import MAX_NODES, Turns
+from drivers.rplidar.make import MAX_NODES, Turns
 from drivers.rplidar.models import MODELS, SAMPLES
 from drivers.rplidar.nodes import TURN, Nodes
 

@@ -24,18 +24,15 @@ from drivers.errors import BadRequest, DeviceFault, NoReply
 from drivers.sound import espeak_worker, sound_worker
 from drivers.sound.cut import Cut
 from drivers.sound.engines import Espeak, Piper
-from drivers.sound.manner import espeak_name, filled
 from drivers.sound.partner import ProgramEvent, ProgramState
 from drivers.sound.player import Player, SoundEvent, SoundState
 from drivers.sound.printed import PrintedVoice
-from drivers.sound.program import Ran, Speaker, Synthesiser, run
-from drivers.sound.protocol import PIECE, Speech, pieces, request, speech
+from drivers.sound.program import PIECE, Ran, Speaker, Speech, Synthesiser, pieces, request, run, speech
 from drivers.sound.sound_worker import Queue
-from drivers.sound.sounds import checked, length_of
-from drivers.sound.spoken import movement, shape_of
+from drivers.sound.spoken import espeak_name, filled, movement, shape_of
+from drivers.sound.wav import checked, length_of
 from drivers.transport.pipe import Message, Unframer, Worker, frame
-from drivers.voice.make import Wish, make_voice
-from drivers.voice.speech import SpeechVoice
+from drivers.voice.speech import SpeechVoice, Wish, make_voice
 from tests.cases import each
 from tests.machines import walk
 from tests.waiting import wait_until
@@ -556,7 +553,7 @@ def test_each_driver_has_its_engine() -> None:
 def test_without_the_wheel_an_installed_program_speaks_else_words_are_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("drivers.voice.make.find_spec", lambda _: None)
+    monkeypatch.setattr("drivers.voice.speech.find_spec", lambda _: None)
     monkeypatch.setenv("PATH", str(tmp_path))
     assert isinstance(make_voice(Wish("auto"), SystemClock(), print), PrintedVoice)
     printed, notices = list[str](), list[DeviceStatus]()

@@ -8,7 +8,7 @@ from drivers.errors import NoReply
 from drivers.microphone.virtual import VoicedMicrophone
 from drivers.sim.acts import Reply
 from drivers.sound.cut import Cut
-from drivers.sound.protocol import Speech
+from drivers.sound.program import Speech
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.real_time

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from drivers.errors import BadRequest, NotConnected
 from drivers.microphone.wav import BLOCK, blocks, load, resampled
 from drivers.sound import sound_worker
-from drivers.sound.sounds import checked, length_of
-from drivers.sound.wav import BadWav, read_header
+from drivers.sound.wav import BadWav, checked, length_of, read_header
 from tests.drivers.wavs import BAD, COUNT, FMT, GOOD, INT16, MP3, RATE, TONE, chunk, form, plain, riff
 
 

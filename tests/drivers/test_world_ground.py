@@ -8,13 +8,10 @@ from hypothesis import strategies as st
 
 from drivers.errors import BadRequest
 from drivers.sim.acts import Act
-from drivers.sim.ground import Ground
-from drivers.sim.light import Change, Light
-from drivers.sim.people import Person
+from drivers.sim.people import Person, Walk
 from drivers.sim.room import FURNISHED, Room
-from drivers.sim.things import Ball, Box, Edge, Rover, Wall
-from drivers.sim.walk import Walk
-from drivers.sim.world import World
+from drivers.sim.things import Ball, Box, Edge, Ground, Rover, Wall
+from drivers.sim.world import Change, Light, World
 
 RED = (200, 40, 40)
 TABLE = Box("table", 2.0, 0.0, (0.8, 1.0, 0.75), RED)

@@ -47,7 +47,7 @@ def by_hand(patch: pytest.MonkeyPatch, clock: PatientClock, steps: Iterator[obje
             clock.dismiss(steps)
         pause()
 
-    patch.setattr("missions.plugins.setup.servo.until.pause", looking)
+    patch.setattr("missions.plugins.setup.servo.bench.pause", looking)
 
 
 class Three:

@@ -225,7 +225,7 @@ class Table:
         patch.setattr(f"{bench}.SystemClock", lambda: self.clock)
         for module in ("bench", "until", "drive"):
             patch.setattr(f"missions.plugins.setup.servo.{module}.pause", self.pause)
-        patch.setattr("missions.plugins.setup.servo.until.Keys", self.keys)
+        patch.setattr("missions.plugins.setup.servo.bench.Keys", self.keys)
         patch.setattr("sys.stdin", Typing())
         patch.setattr("click.confirm", self.confirm)
 

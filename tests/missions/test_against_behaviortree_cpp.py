@@ -20,7 +20,7 @@ from missions.executive.at_once import Parallel
 from missions.executive.events import STATUS_WORDS
 from missions.language.counts import ALL, FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL
 from missions.language.document import check_plan
-from missions.language.values import Value
+from missions.language.expressions import Value
 from tests.conformance.harness import Play
 from tests.conformance.probes import Bench
 from tests.tries import tries

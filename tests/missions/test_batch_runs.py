@@ -64,7 +64,7 @@ def put_spies(step: Step, leaf: Leaf | None) -> Leaf | None:
 
 
 @pytest.mark.parametrize(
-    ("leaf", "watched"), [("behaviours", False), ("behaviours.driving.turning", False), ("my_leaves", True)]
+    ("leaf", "watched"), [("behaviours", False), ("behaviours.driving.motion", False), ("my_leaves", True)]
 )
 def test_only_leaves_of_others_are_watched(monkeypatch: pytest.MonkeyPatch, leaf: str, watched: bool) -> None:
     monkeypatch.setattr(Spy, "__module__", leaf)

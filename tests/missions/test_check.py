@@ -15,12 +15,12 @@ from drivers.clock import ManualClock
 from missions.executive.build import NODES as NODE_CLASSES
 from missions.executive.state import state_of
 from missions.language.document import check_plan, load_plan
+from missions.language.expressions import Value
 from missions.language.kinds import STATE
 from missions.language.nodes import COMPOSITES, MODIFIERS, NODES
 from missions.language.notes import MAX_DEPTH
 from missions.language.plan import Plan, Step
 from missions.language.steps import LISTED
-from missions.language.values import Value
 from missions.library.shipped import load_mission
 from missions.library.things import THINGS
 from perception.api import Thing

@@ -15,8 +15,8 @@ import pytest
 from behaviours.catalogue import LEAVES
 from config.faults import InvalidFileError, Source
 from missions.language.document import check_plan
-from missions.language.guards import actions_as_guards
 from missions.language.nodes import COMPOSITES, MODIFIERS
+from missions.language.outcomes import actions_as_guards
 from missions.language.plan import Plan
 from missions.library.things import THINGS
 from missions.plugins.verify.explore import Space

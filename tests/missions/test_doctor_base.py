@@ -11,8 +11,7 @@ import pytest
 from behaviours.leaf import RUNNING, SUCCESS
 from drivers.api import STILL, Pose2D, Steering
 from drivers.clock import ManualClock
-from missions.plugins.setup.doctor.base_trial import TURN, WAY, TryBase
-from missions.plugins.setup.doctor.base_verdict import SeenMotion, encoder_fault, judge
+from missions.plugins.setup.doctor.base_verdict import TURN, WAY, SeenMotion, TryBase, encoder_fault, judge
 from missions.plugins.testing.recorders import Bench
 from tests.contract.test_base_contract import BaseRig, TwinBase, WireBase
 from tests.contract.test_plain_base_contract import Twin, WaveRover, Waveshare
@@ -293,6 +292,6 @@ def test_random_times_and_faults_take_every_transition_and_no_other(monkeypatch:
         driven.base.steers = Steering(None, STILL, STILL, fault=chance.choice(("", "", "", "blocked")))
         driven.tick(driven.leaf, after=chance.choice((0.05, 0.4, 1.1)))
 
-    table = walk(monkeypatch, "missions.plugins.setup.doctor.base_trial.TRANSITIONS", Driven, [tick], walks=60)
+    table = walk(monkeypatch, "missions.plugins.setup.doctor.base_verdict.TRANSITIONS", Driven, [tick], walks=60)
     assert table.visited == set(table)
     assert not table.missing

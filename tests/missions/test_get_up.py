@@ -7,7 +7,7 @@ import pytest
 
 from behaviours.playing import slowed
 from drivers.legs.body import body_of
-from drivers.legs.collision import clearance
+from drivers.legs.checking import clearance
 from drivers.legs.declared import LegsKeys
 from drivers.legs.kinematics import forward
 from missions.library import things

@@ -6,8 +6,7 @@ from typing import Any
 import pytest
 from py_trees.common import Status
 
-from behaviours.driving.motion import Drive
-from behaviours.driving.stop import Stop
+from behaviours.driving.motion import Drive, Stop
 from drivers.api import BaseState, Pose2D, Reflexes, Sides, Source, Steering, Velocity
 from drivers.errors import NotConnected
 from missions.executive.events import Event, NodeChanged, ReflexFired, Ticked

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from config.library import find
-from config.people import PersonConfig
 from config.robot import RobotConfig
+from config.things import PersonConfig
 from config.world import WorldConfig, load_world
 from drivers.api import Source, Velocity
 from drivers.sim.world import World

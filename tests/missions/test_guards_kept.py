@@ -5,7 +5,7 @@ import pytest
 from behaviours.catalogue import LEAVES
 from config.faults import Source
 from missions.language.document import check_plan
-from missions.language.guards import guards_kept
+from missions.language.outcomes import guards_kept
 from missions.library.shipped import load_mission, shipped_missions
 
 KEPT = {

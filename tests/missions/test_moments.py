@@ -17,8 +17,7 @@ from drivers.errors import DriverError
 from missions.executive.answers import Answers
 from missions.executive.asked import asked
 from missions.executive.events import Event, NodeChanged, ReflexFired, Ticked
-from missions.executive.executive import GLANCE, HALT_TIME, LOOK_EVERY, Executive
-from missions.executive.frozen_tick import SAMPLE_EVERY
+from missions.executive.executive import GLANCE, HALT_TIME, LOOK_EVERY, SAMPLE_EVERY, Executive
 from missions.executive.guard import Guard
 from missions.executive.stream import Stream
 from missions.executive.tick_record import Answer, TickRecord

@@ -19,7 +19,7 @@ from config.faults import InvalidFileError, Source
 from config.library import shipped
 from config.marked import Listing, Node, Scalar, compose
 from config.units import UNITS, quantity
-from missions.language import body, for_each, params, steps, switches
+from missions.language import body, for_each, param_types, steps, switches
 from missions.language.document import check_plan
 from missions.language.nodes import BRANCHES, FOR_EACH, MISSION, MODIFIERS, SWITCHES
 from missions.library.catalogue import bounds, shown_default
@@ -321,7 +321,7 @@ def test_every_leaf_argument_composite_and_modifier_is_explained() -> None:
 
 def test_the_schema_and_the_checker_know_the_same_keys() -> None:
     assert SCHEMA["else"]["properties"].keys() == set(body.KEYS)
-    assert SCHEMA["else"]["properties"]["params"]["additionalProperties"]["properties"].keys() == set(params.KEYS)
+    assert SCHEMA["else"]["properties"]["params"]["additionalProperties"]["properties"].keys() == set(param_types.KEYS)
     assert all(BEHAVIOURS[word]["properties"].keys() == set(switches.KEYS) for word in SWITCHES)
     assert BEHAVIOURS[FOR_EACH]["properties"].keys() == set(for_each.KEYS)
     expected = {*LEAVES, *BRANCHES, *MODIFIERS, *steps.BESIDE}

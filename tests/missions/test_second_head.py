@@ -13,8 +13,7 @@ from config.robot import RobotConfig
 from config.world import load_world
 from drivers.api.driver import Site
 from drivers.arduino.declared import SecondKeys
-from drivers.arduino.driver import ArduinoHead
-from drivers.arduino.make import make, second
+from drivers.arduino.driver import ArduinoHead, make, second
 from drivers.clock import ManualClock
 from missions.assembly.assembled import Assembled
 from missions.assembly.together import Overrides

@@ -92,7 +92,7 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
 @pytest.fixture
 def person(robot: Three, monkeypatch: pytest.MonkeyPatch) -> Person:
     found = Person(lambda: not robot.elbow.limp)
-    monkeypatch.setattr("missions.plugins.setup.servo.until.Keys", found)
+    monkeypatch.setattr("missions.plugins.setup.servo.bench.Keys", found)
     monkeypatch.setattr(sys, "stdin", TypingTerminal("y\n" * 9))
     return found
 

@@ -12,7 +12,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from behaviours.tracking_error import Sample, Tracking
+from behaviours.joint_motion import Sample, Tracking
 from drivers.api import Gesture, JointLimits, Keyframe
 from missions.plugins.pictures.moves_plot import draw_move
 from missions.plugins.setup.servo.tables import MOST_ROWS, followed, poses, rehearsed, write_csv

@@ -10,7 +10,7 @@ import pytest
 
 from drivers.servos.units import baud_code
 from drivers.transport.ports import open_port
-from missions.plugins.setup.servo.info import info
+from missions.plugins.setup.servo.change import info
 from tests.missions.command import Outcome, Process, command
 from tests.missions.servo_bench import Three, patient, three
 from tests.waiting import wait_until

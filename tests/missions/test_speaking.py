@@ -11,8 +11,7 @@ from drivers.api import Manner, MouthShape, Priority
 from drivers.clock import ManualClock
 from drivers.sound.printed import PrintedVoice
 from missions.executive.answers import Answers
-from missions.executive.asked import asked, robot_for
-from missions.executive.speaking import voice_proxy
+from missions.executive.asked import asked, robot_for, voice_proxy
 from missions.library.shipped import load_mission
 from missions.plugins.records.replay.memory import Memory
 from missions.plugins.records.replay.rerun import AnsweringVoice

@@ -18,7 +18,7 @@ from config.library import find
 from drivers.errors import SensorSilent
 from missions.executive.events import NodeChanged
 from missions.language.document import check_plan
-from missions.language.guards import actions_as_guards
+from missions.language.outcomes import actions_as_guards
 from missions.library.drivers import load_robot
 from missions.plugins.records.replay.rerun import rerun
 from missions.plugins.testing.suite import load_suite

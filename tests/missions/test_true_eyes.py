@@ -7,19 +7,18 @@ from random import Random
 import pytest
 
 from config.colours import COLOURS
-from drivers.sim.light import Change, Light
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.things import Ball, Box, Rover, Wall
 from drivers.sim.viewpoint import Viewpoint
-from drivers.sim.world import World
+from drivers.sim.world import Change, Light, World
 from missions.assembly.seeing import SensorNoise, TrueSight
 from missions.assembly.truth import Truth
 from missions.library.interests import Interests
 from perception.api import BALL, BOX, Gaze, Marker, Thing, Wanted
 from perception.geometry import wrap
 from perception.markers import MarkerSense
-from perception.things import ThingSense
+from perception.spots import ThingSense
 from perception.tracks import MarkerKind
 from tests.perception.rendered import CAMERA, LENS, frame
 

@@ -6,7 +6,7 @@ import pytest
 
 from config.faults import InvalidFileError
 from missions.language import document
-from missions.plugins.verify.verdicts import REFUTED
+from missions.plugins.verify.explore import REFUTED
 from tests.missions.testing.verify.exploring import explored, outcomes, plan_of
 
 SHORT = {

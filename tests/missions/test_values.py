@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from config.units import Quantity
-from missions.language.expressions import ExpressionError, parse
-from missions.language.values import Value, in_si, shown, template, whole
+from missions.language.expressions import ExpressionError, Value, in_si, parse, shown, template, whole
 
 SCOPE: dict[str, object] = {
     "n": 3,

@@ -13,7 +13,7 @@ from behaviours.run import Run
 from drivers.api import HeadPose
 from drivers.clock import ManualClock
 from missions.executive.events import Event, JsonLines, VariableSet, plain
-from missions.executive.frozen_tick import Changes
+from missions.executive.executive import Changes
 from missions.executive.stream import Stream
 
 

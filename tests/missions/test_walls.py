@@ -14,7 +14,7 @@ def test_what_is_not_named_as_allowed_is_refused_by_name(tmp_path: Path) -> None
         "behaviours/base.py": "drivers.transport.link",  # a leaf sees parts, and no lines
         "drivers/api/kinds.py": "drivers.table",  # what is declared loads no driver
         "drivers/servos/wire2.py": "drivers.transport.loop",  # a wire is bytes and values
-        "drivers/rplidar/nodes.py": "drivers.rplidar.driver",
+        "drivers/rplidar/nodes.py": "drivers.rplidar.make",
         "perception/crops.py": "tests",  # what ships runs without them
     }
     for package in ("missions", "behaviours", "drivers", "perception", "config"):

@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 import pytest
 
-from config import people as config_people
+from config import things as config_people
 from config import things as config_things
 from config.colours import COLOURS
-from config.layout import ROBOT
 from config.library import shipped
+from config.things import ROBOT
 from config.world import WorldConfig, load_world
 from drivers.api import BASE_RADIUS, Pose2D
 from drivers.sim import acts, people, things, topview

@@ -6,11 +6,10 @@ from math import radians
 import numpy as np
 import pytest
 
-from drivers.sim.light import Change, Light
 from drivers.sim.people import Person
 from drivers.sim.render import Renderer
 from drivers.sim.viewpoint import Viewpoint
-from drivers.sim.world import World
+from drivers.sim.world import Change, Light, World
 from perception.change import MotionSense
 from tests.perception.rendered import LENS, frame
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from config.colours import COLOURS
 from config.object import HUES
 from perception.api import Image
-from perception.colour import Palette, balanced, in_disc
+from perception.spots import Palette, balanced, in_disc
 
 PALETTE = Palette(COLOURS)
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from perception.api import BALL, BOX
-from perception.colour import Contour, outline
+from perception.spots import Contour, outline
 
 
 def contour(mask: object) -> Contour:

@@ -11,8 +11,7 @@ import pytest
 from config.colours import COLOURS
 from config.object import HUES
 from perception.api import ANY, BALL, BOX, Gaze, Image, Thing, Wanted
-from perception.spots import SpotFinder
-from perception.things import ThingSense
+from perception.spots import SpotFinder, ThingSense
 from tests.perception.rendered import CAMERA, frame, thing_scene
 
 RED_BALL = Wanted("red ball", "red", BALL)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from config.saving import save_file
+from config.reading import save_file
 from drivers.clock import SystemClock
 from missions.cli.keys import interruptible
 from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS

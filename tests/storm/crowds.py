@@ -5,8 +5,7 @@ from dataclasses import replace
 from math import cos, hypot, pi, sin
 from random import Random
 
-from config.people import PersonConfig
-from config.things import BoxConfig
+from config.things import BoxConfig, PersonConfig
 from config.world import WorldConfig
 
 PACES = (0.2, 0.4, 0.7, 1.0)

@@ -15,7 +15,7 @@ from drivers.clock import SystemClock
 from drivers.errors import DriverError
 from missions.executive.executive import Result
 from missions.executive.watchdog import Limits
-from missions.plugins.testing.live import read_live
+from missions.plugins.testing.faults import read_live
 from missions.plugins.testing.mishaps import Mishap
 from missions.plugins.testing.trouble import Trouble
 from missions.request import RunRequest

@@ -7,8 +7,8 @@ protocol 1.0, is obeyed by an AX too, though one user tells of an AX-12 that ref
 
 from collections.abc import Iterable, Sequence
 
-from drivers.servos.virtual.memory import FINE
 from drivers.servos.virtual.servo import VirtualServo
+from drivers.servos.virtual.settings import FINE
 from drivers.servos.virtual.slots import Slot
 from drivers.servos.wire import BROADCAST, Fault, Instruction, Packet, status
 

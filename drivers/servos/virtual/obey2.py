@@ -7,8 +7,8 @@ not there, all are silent.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
-from drivers.servos.virtual.memory import FINE
 from drivers.servos.virtual.servo import VirtualServo
+from drivers.servos.virtual.settings import FINE
 from drivers.servos.virtual.slots import Slot, overlaid
 from drivers.servos.wire import BROADCAST, Fault, Packet
 from drivers.servos.wire2 import ALERT, HEADER, STATUS, Error, Instruction, crc, status

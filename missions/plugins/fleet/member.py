@@ -15,8 +15,7 @@ from behaviours.run import log
 from drivers.clock import Clock, SystemClock
 from missions.codec import MAX_INTEGER
 from missions.plugins.fleet.body import Body
-from missions.plugins.fleet.line import Reply, ZenohLine
-from missions.plugins.fleet.roster import Roster
+from missions.plugins.fleet.line import Reply, Roster, ZenohLine
 from missions.plugins.fleet.words import (
     MAX_TEXT_LENGTH,
     Address,

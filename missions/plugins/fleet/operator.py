@@ -12,9 +12,8 @@ from typing import Literal, TypeVar
 from config.fleet import FleetKeys
 from drivers.clock import Clock, SystemClock
 from missions.codec import CodecError, decode
-from missions.plugins.fleet.line import ZenohLine
+from missions.plugins.fleet.line import Member, Roster, ZenohLine
 from missions.plugins.fleet.place import check_name, open_session
-from missions.plugins.fleet.roster import Member, Roster
 from missions.plugins.fleet.words import (  # fmt: skip
     RULES,
     TASK,

@@ -10,13 +10,12 @@ from matplotlib.figure import Figure
 
 from drivers.api import Image, JointLimits
 from drivers.legs.body import SIDES, Body, Floats
-from drivers.legs.collision import TRUNK, capsules
+from drivers.legs.checking import TRUNK, capsules
 from drivers.legs.engine import whole
 from drivers.legs.gait import Gait
 from drivers.legs.kinematics import centre_of_mass, forward
 from drivers.sim.rigid.stick import Stroke, stick_figure
-from missions.plugins.pictures.figures import save_figure
-from missions.plugins.pictures.moves_plot import FORMATS, GOAL, LIMIT, MEASURED
+from missions.plugins.pictures.moves_plot import FORMATS, GOAL, LIMIT, MEASURED, save_figure
 
 # A gait as pictures of a figure of lines, from its right and from the front, over two cycles on a treadmill.
 

@@ -8,8 +8,7 @@ from missions.plugins.pictures.compare import Comparison, Pair, compare, side_by
 from missions.plugins.pictures.page.pair import page, pair_page
 from missions.plugins.pictures.png import png
 from missions.plugins.pictures.svg import svg, svg_pair
-from missions.trees.drawing import Drawing
-from missions.trees.tree_json import to_json
+from missions.trees.drawing import Drawing, to_json
 
 # A comparison of two missions as plain JSON, for other programs.
 

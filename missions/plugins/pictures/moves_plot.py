@@ -8,8 +8,23 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from config.reading import whole_file
 from drivers.api import JointLimits
-from missions.plugins.pictures.figures import save_figure
+
+# Figures of Matplotlib in files.
+
+NO_PLOTS = "a picture needs Matplotlib: pip install 'missiontree[plots]'"
+
+
+def save_figure(figure: "Figure", path: Path, dpi: int, mode: int | None = None) -> Path:
+    """Write a figure in the form that the name of the file ends in, whole or not at all; return its path.
+
+    ``mode`` is as that of ``whole_file``. Raises OSError; ValueError for an ending that Matplotlib does not know.
+    """
+    with whole_file(path, mode) as file:
+        figure.savefig(file, dpi=dpi, format=path.suffix.removeprefix(".") or "png")
+    return path
+
 
 FORMATS = (".png", ".svg")
 """The endings of pictures that can be drawn."""

@@ -16,7 +16,7 @@ from typing import Self
 import click
 import cv2
 
-from config.saving import PRIVATE, save_file
+from config.reading import PRIVATE, save_file
 from drivers.api import Image
 from drivers.pictures.decode import hush
 from missions.cli.outputs import check_folder

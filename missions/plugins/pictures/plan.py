@@ -12,10 +12,9 @@ from xml.etree import ElementTree as ET
 from drivers.api import BASE_RADIUS
 from drivers.sim.block import Block
 from drivers.sim.looks import LOOKS
-from drivers.sim.people import BODY, Presence
+from drivers.sim.people import BODY, Place, Presence
 from drivers.sim.room import Colour
 from drivers.sim.things import Ball, Box, Rover
-from drivers.sim.walk import Place
 from drivers.sim.world import World
 
 METRE = 100

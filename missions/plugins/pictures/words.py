@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-from config.people import ActConfig, PersonConfig
-from config.things import BoxConfig, RoverConfig, ThingConfig
+from config.things import ActConfig, BoxConfig, PersonConfig, RoverConfig, ThingConfig
 from config.units import written
 from config.world import BatteryConfig, PhysicsConfig, WorldConfig
 

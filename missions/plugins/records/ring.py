@@ -6,8 +6,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from config.reading import open_regular, read_regular, regular
-from config.saving import save_file
+from config.reading import open_regular, read_regular, regular, save_file
 from missions.library.folders import state_folder
 
 DAYS = 30

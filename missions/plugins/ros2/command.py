@@ -14,7 +14,7 @@ import click
 
 from config.fleet import refusal
 from config.library import find
-from config.saving import save_file
+from config.reading import save_file
 from drivers.clock import SystemClock
 from drivers.errors import NotConnected
 from missions.cli.commands import LazyGroup, shared_option

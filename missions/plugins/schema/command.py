@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from config.saving import save_file
+from config.reading import save_file
 from missions.cli.declared import behaviours_option
 from missions.cli.options import own_files
 from missions.cli.outputs import writing
@@ -14,7 +14,7 @@ from missions.library.vocabulary import vocabulary
 from missions.plugins.schema.files import KINDS, file_schema
 from missions.plugins.schema.mission import known_things, mission_schema
 from missions.plugins.schema.robots import robot_reference
-from missions.trees import tree_json
+from missions.trees import drawing
 
 TREE = "tree"
 """The schema of the JSON of a drawn tree, which is no file of a kind."""
@@ -40,7 +40,7 @@ def command(kind: str, output: Path | None, files: tuple[Path, ...], *, referenc
         _write(robot_reference(Table()), output)
         return
     if kind == TREE:
-        schema = tree_json.schema()
+        schema = drawing.schema()
     elif kind != "missions":
         schema = file_schema(kind)
     else:

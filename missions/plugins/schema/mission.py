@@ -7,8 +7,7 @@ from pathlib import Path
 
 from behaviours.leaf import Leaf
 from config.controller import load_controller
-from config.gait import load_gait
-from config.gesture import load_gesture
+from config.gesture import load_gait, load_gesture
 from config.library import KEYS, shipped
 from config.marked import Mapping, Scalar, compose, read_source
 from missions.language.body import FORMS, IF_INTERRUPTED, PROPERTIES

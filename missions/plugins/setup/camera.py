@@ -17,7 +17,7 @@ from drivers.camera.pictures import pictures
 from drivers.camera.source import Kind, kind_of
 from drivers.errors import BadRequest
 from drivers.finding.video import CSI_HINT, list_devices
-from drivers.transport.access import explain_denied
+from drivers.transport.programs import explain_denied
 from missions.cli.numbers import InUnit
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.drivers import robot_of

@@ -19,8 +19,7 @@ from drivers.errors import DriverError
 from drivers.extras import OURS, extras, lacking
 from drivers.finding.asking import look
 from drivers.finding.machine import Machine
-from drivers.finding.serial_ports import SerialPort, serial_ports
-from drivers.finding.usb import ADAPTERS
+from drivers.finding.serial_ports import ADAPTERS, SerialPort, serial_ports
 from drivers.transport.ports import DEBUGGING, PINS_CURE, leads_to_debug_connector
 from missions.assembly.lags import BASE, CAMERA, kept
 from missions.library.folders import data_folder, state_folder

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 import cv2
 
-from config.saving import PRIVATE, save_file
+from config.reading import PRIVATE, save_file
 from drivers.api import Image
 from drivers.camera.source import Kind, kind_of
 from missions.cli.outputs import writing

@@ -11,7 +11,7 @@ import click
 from config.editing import NotEditableError
 from drivers.api import HeadPose
 from drivers.arduino.driver import ArduinoHead
-from drivers.arduino.reset_detector import BootState
+from drivers.arduino.session import BootState
 from drivers.errors import BadRequest
 from drivers.head.keys import ServoKeys
 from drivers.head.pantilt import AHEAD, Trimmable

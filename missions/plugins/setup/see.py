@@ -43,7 +43,7 @@ from perception.geometry import Pinhole
 from perception.identity import Recogniser
 from perception.markers import MarkerSense
 from perception.pupils import EyeFinder
-from perception.things import ThingSense
+from perception.spots import ThingSense
 from perception.tracks import MARKER_FAMILIES, MarkerKind
 
 # Looking at pictures and films frame by frame, as a robot's eyes would, without a robot.

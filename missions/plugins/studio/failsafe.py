@@ -6,8 +6,7 @@ from dataclasses import asdict
 from config.faults import did_you_mean
 from missions.control.commands import BadMessage, Command
 from missions.plugins.studio.wishes import Failsafe
-from missions.plugins.testing.failsafe.ride import stepped_through
-from missions.plugins.testing.failsafe.settings import CHOICES, ROBOT, Setting
+from missions.plugins.testing.failsafe.ride import CHOICES, ROBOT, Setting, stepped_through
 from missions.plugins.testing.failsafe.words import steps
 
 Json = dict[str, object]

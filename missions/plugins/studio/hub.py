@@ -15,8 +15,7 @@ from missions.control.notes import stamp_stop
 from missions.control.searching import Found, Search, may_live, search
 from missions.control.stopping import GONE, stop_one
 from missions.plugins.studio.doors import SpareDescriptors
-from missions.plugins.studio.link import Link, OnLine
-from missions.plugins.studio.watching import Watching
+from missions.plugins.studio.watching import Link, OnLine, Watching
 
 PERIOD = 0.25
 """Seconds from one look for new runs to the next."""

@@ -22,9 +22,9 @@ from config.world import load_world
 from drivers.clock import Clock, SystemClock, time_of_day
 from missions.control.commands import BadMessage, Command
 from missions.language.document import declared_params
-from missions.language.params import Param
+from missions.language.expressions import shown
+from missions.language.param_types import Param
 from missions.language.plan import Plan
-from missions.language.values import shown
 from missions.library.drivers import load_robot
 from missions.library.folders import checkup_file
 from missions.library.people import People, folder
@@ -36,8 +36,7 @@ from missions.options import Option
 from missions.plugins.pictures.plan import METRE, frame_of, plan
 from missions.plugins.studio.wishes import RUN_OPTIONS, Library, Mission, World
 from missions.trees.draw import drawing_of, first_values
-from missions.trees.drawing import Box
-from missions.trees.tree_json import to_json
+from missions.trees.drawing import Box, to_json
 from missions.trees.words import in_words
 
 # A mission as it is offered to somebody who may run it: read with the leaves beside it, and its params for a form.

@@ -19,11 +19,10 @@ from missions.plugins.records.recording.listing import Opened, about, ended, ent
 from missions.plugins.records.recording.read import Record, began_at, open_record
 from missions.plugins.records.replay.frames import SAME
 from missions.plugins.records.report.page import page
-from missions.plugins.records.report.study import MOST_PICTURES, study
+from missions.plugins.records.report.summary import MOST_PICTURES, study
 from missions.plugins.records.ring import records_in, shown_folder
 from missions.plugins.studio import wishes
-from missions.trees.drawing import ACTIVE
-from missions.trees.tree_json import to_json
+from missions.trees.drawing import ACTIVE, to_json
 
 if TYPE_CHECKING:  # it needs mcap
     from missions.plugins.records.recording.container import Message

@@ -22,15 +22,14 @@ from starlette.websockets import WebSocket
 from uvicorn.config import STARTUP_FAILURE
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from missions.control.commands import BadMessage
-from missions.control.reading import MAX_REFUSED_BYTES
+from missions.control.commands import MAX_REFUSED_BYTES, BadMessage
 from missions.library.folders import state_folder
 from missions.plugins.records.ring import records_in, shown_folder
 from missions.plugins.studio.access import Access
 from missions.plugins.studio.audit import Audit
 from missions.plugins.studio.doors import Doors, Visit
 from missions.plugins.studio.gate import KINDS, Gate
-from missions.plugins.studio.launch import Launcher
+from missions.plugins.studio.queueing import Launcher
 from missions.plugins.studio.reader import Reader
 from missions.plugins.studio.session import Session
 from missions.plugins.studio.studio import PAGE, Studio, edition

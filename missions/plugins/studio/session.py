@@ -9,14 +9,24 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from drivers.clock import Clock, SystemClock
 from missions.codec import encode_word
-from missions.control.commands import KEY, RULES, BadMessage, Command, OfRun, Role, Seen, Stop, Watch
+from missions.control.commands import (
+    KEY,
+    RULES,
+    BadMessage,
+    Command,
+    OfRun,
+    Role,
+    Seen,
+    Stop,
+    Watch,
+    id_in,
+    read_command,
+)
 from missions.control.messages import Answer, Runs, line_of
-from missions.control.reading import id_in, read_command
 from missions.plugins.studio.access import SignIn
 from missions.plugins.studio.gate import link_to
-from missions.plugins.studio.link import Link
 from missions.plugins.studio.studio import Studio
-from missions.plugins.studio.watching import Hearer
+from missions.plugins.studio.watching import Hearer, Link
 from missions.plugins.studio.wishes import COMMANDS, Hello, Record
 
 RATE = 100.0

@@ -26,13 +26,13 @@ from missions.codec import encode_word
 from missions.control.commands import KEY, RULES, BadMessage, Command, Role, Stop, Tuned, Watch
 from missions.control.messages import VERSION, Runs, Welcome
 from missions.library.people import PeopleError, proper_name
+from missions.plugins.fleet.line import Member
 from missions.plugins.fleet.operator import Operator, operating
-from missions.plugins.fleet.roster import Member
 from missions.plugins.fleet.words import Address, Answer
 from missions.plugins.studio.access import Access
 from missions.plugins.studio.audit import UNTOLD, Audit
 from missions.plugins.studio.hub import Hub
-from missions.plugins.studio.launch import Launcher
+from missions.plugins.studio.queueing import Launcher
 from missions.plugins.studio.reader import Reader
 from missions.plugins.studio.watching import Hearer, Watching
 from missions.plugins.studio.wishes import (

@@ -6,9 +6,8 @@ from typing import Annotated, ClassVar, Literal
 
 from drivers.api.quick import dataclass
 from missions.codec import Bound, object_schema
-from missions.control.commands import KEY, RULES, Command, Role
+from missions.control.commands import KEY, RULES, RUN_COMMANDS, Command, Role
 from missions.control.messages import MESSAGES, SAY, VERSION
-from missions.control.reading import RUN_COMMANDS
 from missions.options import options_of
 from missions.request import RunRequest
 

@@ -12,10 +12,9 @@ from typing import Protocol, Self, runtime_checkable
 
 from config.notices import named
 from drivers.clock import Clock, SystemClock
-from missions.plugins.tasks.disk import in_a_line
 from missions.plugins.tasks.notice import Channel
 from missions.plugins.tasks.outbox import Letter, Outbox
-from missions.plugins.tasks.schema import open_db
+from missions.plugins.tasks.schema import in_a_line, open_db
 
 # Which notice is next: each channel takes its own in order, and one that takes none rests, longer each time.
 

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from threading import Lock
 
-from config.reading import parse_object, read_regular_text
-from config.saving import sync_folder
+from config.reading import parse_object, read_regular_text, sync_folder
 
 FILE = "fleet_stop.json"
 

@@ -31,10 +31,10 @@ from missions.control.holders import holding
 from missions.control.pilot import MAX_SHARE, MIN_SHARE, Pilot
 from missions.library.drivers import load_robot
 from missions.plugins.setup.head_bench import HEAD, head_option, keys_of_head
-from missions.plugins.teleop import FIRST_PAD, keymap, pad
-from missions.plugins.teleop.pad_store import keep_taught, load_taught, pads_file
+from missions.plugins.teleop import FIRST_PAD, beside, pad
+from missions.plugins.teleop.beside import LineDelay, drive_by_hand
+from missions.plugins.teleop.pad import keep_taught, load_taught, pads_file
 from missions.plugins.teleop.teaching import Teacher
-from missions.plugins.teleop.turns import LineDelay, drive_by_hand
 
 # The line between a person's keyboard and this program: whether it may be long, and how late it is.
 
@@ -201,7 +201,7 @@ def command(
             held = open_things.enter_context(closing(pad.pad_at(node, clock)))
             held.open()
         base, turned = open_things.enter_context(_opened(robot, head, wishes, clock))
-        click.echo(keymap.HELP if held is None else pad.HELP)
+        click.echo(beside.HELP if held is None else pad.HELP)
         typed: Callable[[float], str] = _pause
         line = None
         if sys.stdin.isatty():

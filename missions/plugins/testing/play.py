@@ -11,8 +11,8 @@ from drivers.clock import SystemClock
 from missions.executive.events import CommandSent, Ended, Logged
 from missions.executive.telling import OVERRIDES
 from missions.executive.watchdog import Limits
+from missions.language.expressions import shown
 from missions.language.nodes import BRANCHES, MISSION
-from missions.language.values import shown
 from missions.plugins.testing.expectations import Expectation, Place
 from missions.plugins.testing.history import History, NodeRecord
 from missions.plugins.testing.moments import BASE_VERBS, EventSpec, Happening

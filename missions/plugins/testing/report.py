@@ -1,10 +1,202 @@
 """Verdicts as people read them, and as other programs do."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from html import escape
 from itertools import groupby
+from os.path import commonpath
+from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+from missions.executive.events import plain_status
+from missions.library.shipped import HERE
+from missions.plugins.testing.history import NodeRecord
 from missions.plugins.testing.play import Verdict
+from missions.plugins.testing.suite import shown_path
+
+# What tests have tried of a mission: which nodes were ticked, how each ended, and why it failed.
+
+Place = tuple[str, int, str, str]
+"""A node by its file, its line, its word and its name: the same sub-mission counts once, from wherever it is run."""
+
+
+@dataclass(slots=True)
+class NodeCoverage:
+    """What is known of one node. ``ends`` are the ways in which it can end, ``statuses`` those that it had."""
+
+    line: int
+    kind: str
+    name: str
+    ends: frozenset[str]
+    statuses: set[str] = field(default_factory=set)
+    reasons: dict[str, None] = field(default_factory=dict)
+
+    @property
+    def ticked(self) -> bool:
+        """True where it was ever ticked: a branch of a selector or a switch was taken."""
+        return bool(self.statuses - {"idle"})
+
+    @property
+    def missed(self) -> list[str]:
+        """The ways in which it can end, and never did."""
+        return sorted(self.ends - set(map(plain_status, self.statuses)))
+
+    @property
+    def tried(self) -> str:
+        """``all``, ``part`` or ``nothing``: how much of it was tried."""
+        if not self.ticked:
+            return "nothing"
+        return "part" if self.missed else "all"
+
+    def lacks(self) -> str:
+        """Return what was never tried, in a few words; nothing where all was."""
+        if not self.ticked:
+            return "never reached"
+        words = {"success": "succeeded", "failure": "failed"}
+        return " or ".join(f"never {words[end]}" for end in self.missed)
+
+
+@dataclass(slots=True)
+class FileCoverage:
+    """What is known of the nodes of one mission file, in the order of its lines."""
+
+    file: str
+    nodes: list[NodeCoverage]
+
+    @property
+    def ticked(self) -> int:
+        """How many of its nodes were ticked."""
+        return sum(node.ticked for node in self.nodes)
+
+    @property
+    def endings(self) -> tuple[int, int]:
+        """How many ways of ending were seen, and how many there are."""
+        possible = sum(len(node.ends) for node in self.nodes)
+        return possible - sum(len(node.missed) for node in self.nodes), possible
+
+    def text(self) -> str | None:
+        """Return the file's text, None where it cannot be read any more."""
+        try:
+            return Path(self.file).read_text(encoding="utf-8")
+        except OSError:
+            return None
+
+
+def coverage(verdicts: Iterable[Verdict]) -> list[FileCoverage]:
+    """Add up what all cases have tried, by file: whether they passed or not."""
+    found: dict[Place, NodeCoverage] = {}
+    for verdict in verdicts:
+        for record in verdict.nodes:
+            place = (record.file, record.line, record.kind, record.name)
+            node = found.setdefault(place, NodeCoverage(record.line, record.kind, record.name, frozenset(record.ends)))
+            _add(node, record)
+    files: dict[str, list[NodeCoverage]] = {}
+    for (file, *_), node in found.items():
+        files.setdefault(file, []).append(node)
+    return [
+        FileCoverage(shown_path(Path(file)), sorted(files[file], key=lambda node: node.line)) for file in sorted(files)
+    ]
+
+
+def _add(node: NodeCoverage, record: NodeRecord) -> None:
+    node.statuses |= {status for status, count in record.statuses.items() if count}
+    node.reasons |= dict.fromkeys(record.reasons)
+
+
+def lines_of(files: Iterable[FileCoverage]) -> Iterator[str]:
+    """Yield the coverage as plain text: a line a file, and one for each node of which something was not tried."""
+    for each in files:
+        seen, possible = each.endings
+        yield f"{each.file}: {each.ticked} of {len(each.nodes)} nodes ticked, {seen} of {possible} endings seen"
+        for node in each.nodes:
+            if node.lacks():
+                name = node.kind if node.kind == node.name else f"{node.kind} '{node.name}'"
+                yield f"  {each.file}:{node.line}: {name}: {node.lacks()}"
+
+
+# Coverage as one page of HTML that needs nothing beside it: every mission with its lines marked.
+
+SIGNS = {"all": "✓", "part": "~", "nothing": "✗"}
+"""A sign as well as a colour: not everybody tells red from green."""
+
+STYLE = """
+:root { color-scheme: light dark; --ground: #ffffff; --ink: #222222; --soft: #666666; --edge: #dddddd; --link: #1257b0;
+        --all: #e6f4e6; --part: #fff4d6; --nothing: #fbe0dd; }
+@media (prefers-color-scheme: dark) {
+  :root { --ground: #12161b; --ink: #e5e9ee; --soft: #a3aeba; --edge: #343d48; --link: #8cc2ff;
+          --all: #14302a; --part: #3a3113; --nothing: #42221f; }
+}
+body { font: 15px/1.5 system-ui, sans-serif; margin: 2em auto; max-width: 62em; padding: 0 1em; color: var(--ink);
+       background: var(--ground); }
+a { color: var(--link); }
+table { border-collapse: collapse; } td, th { padding: .2em 1em .2em 0; text-align: left; }
+pre { border: 1px solid var(--edge); padding: .5em 0; overflow-x: auto; line-height: 1.45; }
+pre span { display: block; padding: 0 1em; }
+pre b { display: inline-block; width: 5.5em; color: var(--soft); font-weight: 400; }
+.all { background: var(--all); } .part { background: var(--part); } .nothing { background: var(--nothing); }
+i { color: var(--soft); font-style: normal; }
+"""
+
+
+def page(files: Sequence[FileCoverage]) -> str:
+    """Return the page."""
+    titles = _titles([each.file for each in files])
+    rows = "\n".join(
+        f'<tr><td><a href="#{number}">{escape(title)}</a></td><td>{each.ticked} of {len(each.nodes)}</td>'
+        f"<td>{each.endings[0]} of {each.endings[1]}</td></tr>"
+        for number, (title, each) in enumerate(zip(titles, files, strict=True))
+    )
+    parts = "\n".join(
+        _file(number, escape(title), each) for number, (title, each) in enumerate(zip(titles, files, strict=True))
+    )
+    key = "".join(
+        f'<span class="{kind}"> {SIGNS[kind]} {words} </span> '
+        for kind, words in (("all", "all tried"), ("part", "reached, not tried in full"), ("nothing", "never reached"))
+    )
+    return (
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>What the tests have tried</title>'
+        f"<style>{STYLE}</style></head><body>\n<h1>What the tests have tried</h1>\n<p>{key}</p>\n"
+        f"<table><tr><th>mission</th><th>nodes ticked</th><th>endings seen</th></tr>\n{rows}\n</table>\n{parts}\n"
+        "</body></html>\n"
+    )
+
+
+def _titles(names: Sequence[str]) -> list[str]:
+    """Return the files' names without what says on whose machine they lie: from the package on, or a common folder."""
+    shipped = {name for name in names if Path(name).resolve().is_relative_to(HERE)}
+    others = [str(Path(name).resolve().parent) for name in names if name not in shipped]
+    common = Path(commonpath(others)) if others else Path()
+    return [
+        (Path(HERE.name) / Path(name).resolve().relative_to(HERE)).as_posix()
+        if name in shipped
+        else Path(name).resolve().relative_to(common).as_posix()
+        for name in names
+    ]
+
+
+def _file(number: int, title: str, each: FileCoverage) -> str:
+    by_line: dict[int, list[NodeCoverage]] = {}
+    for node in each.nodes:
+        by_line.setdefault(node.line, []).append(node)
+    text = each.text()
+    if text is None:
+        return f'<h2 id="{number}">{title}</h2>\n<p>This file cannot be read any more.</p>'
+    lines = "".join(_line(place, line, by_line.get(place, [])) for place, line in enumerate(text.splitlines(), start=1))
+    return f'<h2 id="{number}">{title}</h2>\n<pre>{lines}</pre>'
+
+
+def _line(number: int, text: str, nodes: Iterable[NodeCoverage]) -> str:
+    """Return one line of a mission: marked by the least tried of its nodes, with what is missing behind it."""
+    here = list(nodes)
+    if not here:
+        return f"<span><b>{number}</b>{escape(text)}</span>"
+    order = ("nothing", "part", "all")
+    tried = min((node.tried for node in here), key=order.index)
+    lacks = "; ".join(f"{node.kind} {node.lacks()}" for node in here if node.lacks())
+    reasons = "; ".join(reason for node in here for reason in node.reasons)
+    title = f' title="{escape(reasons, quote=True)}"' if reasons else ""
+    note = f"  <i># {escape(lacks)}</i>" if lacks else ""
+    return f'<span class="{tried}"{title}><b>{number} {SIGNS[tried]}</b>{escape(text)}{note}</span>'
 
 
 def failure(verdict: Verdict) -> str:

@@ -23,9 +23,8 @@ from missions.library.shipped import TESTS, find_mission, shipped_missions
 from missions.plugins.testing.context import Context, Setting
 from missions.plugins.testing.expectations import Expectation, read_expectations
 from missions.plugins.testing.mishaps import RUN, Mishap, read_mishap
-from missions.plugins.testing.mocks import RESULT_OF_FACE, MockSpec, fits
+from missions.plugins.testing.mocks import RESULT_OF_FACE, MockSpec, fits, read_script
 from missions.plugins.testing.phrases import Phrase
-from missions.plugins.testing.script import read_script
 from perception.api import Face
 
 # What a case is given: leaves that are mocked, and what goes wrong with the robot.

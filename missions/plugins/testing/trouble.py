@@ -11,8 +11,8 @@ from drivers.base.twin import BaseTwin
 from drivers.errors import DriverError
 from drivers.head.twin import HeadTwin
 from drivers.servos.twin import JointsTwin, NeckTwin
-from drivers.sim.ground import BackupLimit
 from drivers.sim.plug import Plug
+from drivers.sim.things import BackupLimit
 from missions.plugins.testing.history import History
 from missions.plugins.testing.mishaps import OF_THE_DRIVE, RUN, Mishap
 from missions.plugins.testing.moments import Happening

@@ -18,8 +18,8 @@ from missions.cli.options import SECONDS, files_of, leaves_for
 from missions.cli.usual_robot import load_for, robot_option, robots_for
 from missions.library.drivers import load_robot
 from missions.library.shipped import shipped_missions
-from missions.plugins.verify.verdicts import PROVED, Report
-from missions.plugins.verify.verify import BOUND, LIMIT, verify
+from missions.plugins.verify.explore import PROVED, Report
+from missions.plugins.verify.judge import BOUND, LIMIT, verify
 
 
 @click.command(epilog="Example: mission verify greet")

@@ -14,11 +14,10 @@ from typing import Any, Self
 from drivers.api.quick import dataclass
 from drivers.errors import SensorSilent
 from missions.language import reading
-from missions.language.expressions import Expression, ExpressionError, Read
+from missions.language.expressions import Expression, ExpressionError, Read, Value
 from missions.language.for_each import Members
 from missions.language.reading import surely_read
 from missions.language.robot_state import ROBOT_STATE, state_value
-from missions.language.values import Value
 from missions.plugins.verify.choices import Oracle
 
 PLAIN = frozenset((bool, int, float, str))
@@ -154,7 +153,7 @@ class Guess(Value):
             object.__setattr__(self, name, value)
 
     def resolve(self, scope: Mapping[str, object]) -> object:
-        """See missions.language.values.Value."""
+        """See missions.language.expressions.Value."""
         if not self.blind:
             self._all_set(scope)
         for sensor in self.sensors:

@@ -5,15 +5,30 @@ from math import inf
 
 from behaviours.leaf import RUNNING
 from behaviours.node import Node
+from behaviours.run import SENSOR_TIMEOUT
 from config.faults import Diagnostic, Mark, Source
+from config.units import written
+from drivers.clock import Clock
 from missions.executive.modifiers import Repeat, Retry
 from missions.language.nodes import NODES
 from missions.language.plan import Plan, Step
-from missions.plugins.verify.explore import GOING, HALTING, RESTED, Space
+from missions.plugins.verify.explore import (
+    GOING,
+    HALTING,
+    PROVED,
+    REFUTED,
+    RESTED,
+    UNDECIDED,
+    Finding,
+    Report,
+    Space,
+    Verdict,
+    run_that_found,
+    run_to,
+)
 from missions.plugins.verify.mocks import StandIn
-from missions.plugins.verify.monitors import Following
-from missions.plugins.verify.verdicts import PROVED, REFUTED, UNDECIDED, Finding, Verdict, run_that_found, run_to
-from missions.plugins.verify.watch import ALONE, CLEAN, SET
+from missions.plugins.verify.model import Model
+from missions.plugins.verify.watch import ALONE, CLEAN, SET, Following
 
 ENDS = ("success", "failure")
 
@@ -229,3 +244,43 @@ def _innermost(step: Step) -> Step:
     while "value" in step.arguments and step.leaf is None and len(step.children) == 1:
         step = step.children[0]
     return step
+
+
+# From a checked mission to a report on it.
+
+BOUND = 10_000
+"""States after which an exploration gives up; the shipped missions have a few hundred at most."""
+
+LIMIT = 60.0
+"""Seconds after which it gives up."""
+
+
+def verify(
+    plan: Plan,
+    clock: Clock,
+    *,
+    bound: int = BOUND,
+    limit: float = LIMIT,
+    sensor_timeout: float = SENSOR_TIMEOUT,
+) -> Report:
+    """Explore a mission and return what that proves and refutes.
+
+    It goes on to ``bound`` states and for ``limit`` seconds at most, by ``clock``. The robot waits for its sensors for
+    ``sensor_timeout`` seconds.
+    """
+    began = clock.now()
+    space = Space(Model(plan, sensor_timeout), bound, lambda: clock.now() - began >= limit)
+    space.explore()
+    verdicts = tuple(Judge(space, plan).verdicts())
+    seconds = clock.now() - began
+    figures = len(space.places), space.transitions, space.depth
+    return Report(plan.source.name, plan.mission, verdicts, *figures, seconds, _left_out(space, limit))
+
+
+def _left_out(space: Space, limit: float) -> str:
+    """Say what was not explored, and what to do about it."""
+    if space.open:
+        more = f"--limit '{written(10 * limit, 'duration')}'" if space.out_of_time else f"--bound {10 * space.bound}"
+        when = f"after {written(limit, 'duration')} " if space.out_of_time else ""
+        return f"{when}{len(space.open)} of {len(space.places)} states were not followed to the end; try {more}"
+    return "" if space.whole else "not every order of a random composite with many children was tried"

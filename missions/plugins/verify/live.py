@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import NamedTuple
 
+from missions.language.expressions import Value
 from missions.language.nodes import (
     AGAIN,
     COMPOSITES,
@@ -21,7 +22,6 @@ from missions.language.nodes import (
     CompositeKind,
 )
 from missions.language.plan import Step
-from missions.language.values import Value
 from missions.plugins.verify.guesses import Guess
 from missions.plugins.verify.mocks import SetStandIn
 

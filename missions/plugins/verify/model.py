@@ -15,17 +15,16 @@ from behaviours.robot import Robot
 from behaviours.run import SENSOR_TIMEOUT, NodeByNode, Run
 from missions.executive.at_once import Parallel
 from missions.executive.build import Scope, build
-from missions.executive.modifiers import Invert, OnFailure, OnSuccess, Repeat
+from missions.executive.modifiers import ASKED_AGAIN, Hold, Invert, OnFailure, OnSuccess, Repeat, Timeout
 from missions.executive.parent import Modifier, Parent
 from missions.executive.submission import Submission
-from missions.executive.timed import ASKED_AGAIN, Hold, Timeout
+from missions.language.expressions import Value
 from missions.language.for_each import Members, own_steps
 from missions.language.kinds import STATE
 from missions.language.nodes import FOR_EACH, MISSION, MODIFIERS, SWITCHES
 from missions.language.plan import Plan, Step
 from missions.language.reading import surely_read
 from missions.language.unset import catches
-from missions.language.values import Value
 from missions.plugins.verify.choices import Oracle
 from missions.plugins.verify.guesses import (
     MAX_COUNT,
@@ -43,9 +42,8 @@ from missions.plugins.verify.instants import Rows as Times
 from missions.plugins.verify.instants import Some, Timing, loosened
 from missions.plugins.verify.live import live_while_running
 from missions.plugins.verify.mocks import StandIn, WaitStandIn, outcomes, stand_in, waits
-from missions.plugins.verify.monitors import Following, follow
 from missions.plugins.verify.snapshot import Row, Rows, Snapshots, frozen, thawed
-from missions.plugins.verify.watch import Watch
+from missions.plugins.verify.watch import Following, Watch, follow
 
 # From a checked plan to one whose leaves are stand-ins and whose unknown values are choices.
 

@@ -9,9 +9,8 @@ from py_trees.common import Status
 from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS
 from behaviours.node import Node
 from missions.executive.for_each import ForEach
-from missions.executive.modifiers import Repeat, Retry
+from missions.executive.modifiers import ASKED_AGAIN, Repeat, Retry
 from missions.executive.parent import Modifier
-from missions.executive.timed import ASKED_AGAIN
 from missions.plugins.verify.guesses import PLAIN, Many
 from missions.plugins.verify.instants import Instant, Timing
 from missions.plugins.verify.mocks import StandIn

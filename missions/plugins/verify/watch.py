@@ -1,17 +1,110 @@
 """What is seen during a step: leaves that start and end, and whatever breaks a rule or a property."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 from py_trees.common import Status
 
-from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS
+from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS, Leaf
 from behaviours.node import Node
+from missions.executive.parent import Modifier
+from missions.language.plan import Property
 from missions.plugins.verify.choices import Oracle
 
 if TYPE_CHECKING:
     from missions.plugins.verify.mocks import StandIn
+
+
+# Monitors: each follows one of a mission's properties along a run.
+
+
+@dataclass
+class Following:
+    """One property, with the leaves that its names stand for, and the nodes whose success counts.
+
+    A name stands for every node of that name, and so for all the leaves below it; an actuator for the leaves that
+    drive it. "Never A while B" and "without" ask which leaves run; "before" and "after" remember in ``happened`` that
+    B has succeeded, "always eventually" that A has started.
+    """
+
+    promise: Property
+    subject: frozenset[Leaf]
+    other: frozenset[Leaf]
+    counts: frozenset[Node]
+    happened: bool = False
+
+    @property
+    def rule(self) -> str:
+        """What it is called in verdicts: its text."""
+        return self.promise.text
+
+    def started(self, leaf: "StandIn", live: "Sequence[StandIn]") -> str:
+        """Hear of a leaf that starts while ``live`` ones run; return what is broken, or nothing."""
+        form = self.promise.form
+        if form == "while":
+            return self._overlap(leaf, live)
+        if leaf not in self.subject:
+            return ""
+        if form == "eventually":
+            self.happened = True
+        elif form == "before" and not self.happened:
+            return f"{leaf.place} starts, and {self.promise.other} has not succeeded"
+        elif form == "after" and self.happened:
+            return f"{leaf.place} starts, and {self.promise.other} has succeeded before"
+        return ""
+
+    def _overlap(self, leaf: "StandIn", live: "Sequence[StandIn]") -> str:
+        """Return who runs at the same time as ``leaf`` and must not."""
+        for mine, theirs in ((self.subject, self.other), (self.other, self.subject)):
+            clash = next((other for other in live if other in theirs), None)
+            if leaf in mine and clash is not None:
+                return f"{leaf.place} starts while {clash.place} runs"
+        return ""
+
+    def succeeded(self, node: Node) -> None:
+        """Hear of a node that has succeeded."""
+        self.happened = self.happened or node in self.counts
+
+    def rested(self, live: "Sequence[StandIn]") -> str:
+        """Hear which leaves run after a tick; return what is broken, or nothing."""
+        if self.promise.form != "without" or any(leaf in self.other for leaf in live):
+            return ""
+        alone = next((leaf for leaf in live if leaf in self.subject), None)
+        return "" if alone is None else f"{alone.place} runs, and nothing of {self.promise.other} does"
+
+    def stopped(self, live: Iterable[Leaf]) -> bool:
+        """Say whether nothing of the subject runs."""
+        return not any(leaf in self.subject for leaf in live)
+
+
+def follow(promise: Property, nodes: Sequence[Node]) -> Following:
+    """Return the monitor of a property of the tree that ``nodes`` are."""
+    remembers = promise.form in ("before", "after")
+    return Following(
+        promise,
+        _leaves(promise.subject, nodes),
+        _leaves(promise.other, nodes),
+        frozenset(_named(promise.other, nodes)) if remembers else frozenset(),
+    )
+
+
+def _named(name: str, nodes: Sequence[Node]) -> list[Node]:
+    """Return the nodes that a name stands for: the behaviours themselves, not the modifiers that share their names."""
+    nodes = [node for node in nodes if not isinstance(node, Modifier)]
+    return [node for node in nodes if node.name == name or (isinstance(node, Leaf) and node.kind == name)]
+
+
+def _leaves(name: str, nodes: Sequence[Node]) -> frozenset[Leaf]:
+    """Return the leaves that a name stands for."""
+    named = _named(name, nodes)
+    return frozenset(
+        leaf
+        for leaf in nodes
+        if isinstance(leaf, Leaf)
+        and (name in leaf.drives or any(leaf.key == node.key or leaf.key.startswith(f"{node.key}.") for node in named))
+    )
+
 
 ALONE, CLEAN, SET = "alone", "clean", "set"
 """The rules that hold for every mission: one to an actuator, all at rest after a halt, what is read has been set."""

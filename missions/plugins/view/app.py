@@ -17,8 +17,7 @@ from drivers.clock import Clock
 from missions.cli.printable import all_printable
 from missions.plugins.view import panels
 from missions.plugins.view.panels import Message, NodeTree, Scene
-from missions.trees.drawing import Box
-from missions.trees.tree_json import from_json
+from missions.trees.drawing import Box, from_json
 
 SILENCE = 2.0
 """Seconds without a message after which what is shown is called old."""

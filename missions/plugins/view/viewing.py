@@ -21,8 +21,8 @@ from missions.plugins.view.terminal import unviewable
 from missions.plugins.view.viewer import Viewer
 from missions.runner import Runner
 from missions.trees.draw import drawing_of
+from missions.trees.drawing import to_json
 from missions.trees.feed import Feed
-from missions.trees.tree_json import to_json
 
 MOST_KEPT = 20_000
 """Events that are kept to be shown as lines afterwards; older ones are dropped."""

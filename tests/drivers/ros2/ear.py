@@ -1,9 +1,9 @@
 """Who speaks the texts that are sent to a topic of ROS 2."""
 
 from drivers.ros2.line import Channel
+from drivers.ros2.make import STRING
 from drivers.ros2.types import types
 from drivers.ros2.virtual_topics import Topics
-from drivers.ros2.voice import STRING
 
 
 class VirtualEar(Topics):

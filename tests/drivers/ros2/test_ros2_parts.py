@@ -22,13 +22,12 @@ from drivers.ros2.graph import Ros2Graph
 from drivers.ros2.joints import TopicJoints
 from drivers.ros2.joints_twin import arm as twin_arm
 from drivers.ros2.joints_twin import head as twin_head
-from drivers.ros2.make import Ros2Head
+from drivers.ros2.make import Ros2Head, Ros2Voice
 from drivers.ros2.make import arm as make_arm
 from drivers.ros2.make import graph as make_graph
 from drivers.ros2.make import head as make_head
 from drivers.ros2.make import voice as make_voice
 from drivers.ros2.virtual import Ros2Terminal, arm, graph, head
-from drivers.ros2.voice import Ros2Voice
 from drivers.sim.stage import Stage
 from drivers.sim.timeline import Timeline
 from missions.library.drivers import robot_of

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from missions.assembly.gallery import Features
-from missions.library.people import People
-from missions.library.portraits import FEATURES
+from missions.library.people import FEATURES, People
 from perception.api import Box, Image
 from perception.dlib_people import LENGTH, DlibDescriber, DlibPeople, Feature
 from tests.missions.library.test_people import ANNA, BEN, taken

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from config.faults import InvalidFileError
-from config.gait import load_gait
+from config.gesture import load_gait
 from config.library import shipped
 from drivers.api import Image
 from drivers.errors import BadRequest
@@ -16,8 +16,7 @@ from drivers.legs.engine import whole
 from drivers.legs.gait import blended, mirrored, scaled
 from drivers.legs.pressure import margins
 from missions.library.drivers import load_robot
-from missions.plugins.legs.command import command
-from missions.plugins.legs.gaits import Walker, written
+from missions.plugins.legs.command import Walker, command, written
 
 GAITS = Path(__file__).parents[3] / "config" / "gaits"
 STROLL, CURVE = GAITS / "stroll.yaml", GAITS / "curve.yaml"

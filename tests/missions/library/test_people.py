@@ -15,8 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.clock import SystemClock
-from missions.library.people import People, PeopleError, folder, proper_name
-from missions.library.portraits import files_in
+from missions.library.people import People, PeopleError, files_in, folder, proper_name
 from perception.api import Image
 from perception.people import FEWEST, MAX_PICTURES, MAX_PICTURES_TOGETHER
 

@@ -14,19 +14,17 @@ from config.fleet import FleetKeys
 from drivers.clock import SystemClock
 from missions.plugins.fleet.body import Telemetry
 from missions.plugins.fleet.errands import ErrandQueue
-from missions.plugins.fleet.joining import own_number
-from missions.plugins.fleet.kept import Kept
-from missions.plugins.fleet.line import ZenohLine
+from missions.plugins.fleet.joining import employ, own_number
+from missions.plugins.fleet.keeper import Kept
+from missions.plugins.fleet.line import Roster, ZenohLine
 from missions.plugins.fleet.member import Member, Own
 from missions.plugins.fleet.place import open_session
-from missions.plugins.fleet.robot import employ
-from missions.plugins.fleet.roster import Roster
 from missions.plugins.fleet.words import Address, Times
 from missions.plugins.tasks.fleet_latch import FleetLatch
+from missions.plugins.tasks.queue import wall_clock
 from missions.plugins.tasks.schema import open_db, queue_file
 from missions.plugins.tasks.serve import Server
 from missions.plugins.tasks.task import Claim, Outcome
-from missions.plugins.tasks.times import wall_clock
 from missions.plugins.tasks.work import Say, Stopping
 
 WORK = 0.15

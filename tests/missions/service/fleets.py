@@ -10,11 +10,10 @@ from typing import Any
 from config.fleet import FleetKeys
 from drivers.clock import SystemClock
 from missions.plugins.fleet.body import Telemetry
-from missions.plugins.fleet.line import ZenohLine
+from missions.plugins.fleet.line import Roster, ZenohLine
 from missions.plugins.fleet.member import Member, Own
 from missions.plugins.fleet.operator import Operator, operating
 from missions.plugins.fleet.place import open_session
-from missions.plugins.fleet.roster import Roster
 from missions.plugins.fleet.words import Address
 from missions.plugins.tasks.fleet_latch import FleetLatch
 

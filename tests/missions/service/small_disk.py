@@ -13,8 +13,7 @@ from pathlib import Path
 import pytest
 
 from missions.plugins.tasks.commands import serve as serving
-from missions.plugins.tasks.disk import DiskFull, in_a_line
-from missions.plugins.tasks.schema import open_db
+from missions.plugins.tasks.schema import DiskFull, in_a_line, open_db
 from missions.plugins.tasks.serve import Server
 from missions.plugins.tasks.task import Claim, Outcome
 from missions.plugins.tasks.work import Say, Stopping

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from drivers.clock import ManualClock
 from missions.codec import CodecError
-from missions.plugins.fleet.roster import MOST_ROBOTS, Roster
+from missions.plugins.fleet.line import MOST_ROBOTS, Roster
 from missions.plugins.fleet.words import MAX_BYTES, Address, RobotState, Stop, address_in, as_bytes, key, read, read_ask
 
 STATE = RobotState(session="01ab23cd", number=3, robot="turtlebot2", parts=("base",), battery=0.5, task_state="RUNNING")

@@ -10,8 +10,8 @@ from threading import enumerate as enumerate_threads
 import pytest
 
 from drivers.clock import ManualClock
+from missions.plugins.fleet.line import Roster
 from missions.plugins.fleet.member import SPREAD, Member, Own
-from missions.plugins.fleet.roster import Roster
 from missions.plugins.fleet.words import Address, Answer, Met, Stop
 from missions.plugins.tasks.fleet_latch import FleetLatch
 from tests.missions.service.fleets import CountingBody

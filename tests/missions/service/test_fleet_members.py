@@ -16,11 +16,10 @@ from config.faults import InvalidFileError
 from config.fleet import FleetKeys, load_fleet
 from drivers.clock import ManualClock, SystemClock
 from missions.plugins.fleet.body import Telemetry
-from missions.plugins.fleet.line import ZenohLine
+from missions.plugins.fleet.line import Roster, ZenohLine
 from missions.plugins.fleet.member import Member, Own
 from missions.plugins.fleet.operator import Operator
 from missions.plugins.fleet.place import open_session
-from missions.plugins.fleet.roster import Roster
 from missions.plugins.fleet.words import Address, RobotState, key, read
 from missions.plugins.tasks.fleet_latch import FILE, FleetLatch
 from missions.plugins.tasks.task import TaskError

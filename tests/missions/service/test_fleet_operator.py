@@ -7,9 +7,8 @@ import pytest
 
 from config.fleet import FleetKeys
 from drivers.clock import ManualClock
-from missions.plugins.fleet.line import OnAnswer, ZenohLine
+from missions.plugins.fleet.line import OnAnswer, Roster, ZenohLine
 from missions.plugins.fleet.operator import ENDED_PAGES, LONGEST, Operator
-from missions.plugins.fleet.roster import Roster
 from missions.plugins.fleet.words import Address, Answer, Ask, RobotState, Tasks, ToldTask, as_bytes, key
 
 ANNA, ANNA_TOO, BOB = (Address(name, f"0000000{each}") for name, each in (("anna", "a"), ("anna", "c"), ("bob", "b")))

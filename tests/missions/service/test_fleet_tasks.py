@@ -12,9 +12,8 @@ from drivers.clock import ManualClock
 from missions.codec import decode
 from missions.plugins.fleet.body import Telemetry
 from missions.plugins.fleet.errands import ErrandQueue, Errands
-from missions.plugins.fleet.keeper import ALSO, LOST, Keeper, fits
-from missions.plugins.fleet.kept import DOUBT, Kept, KeptTask
-from missions.plugins.fleet.roster import Roster
+from missions.plugins.fleet.keeper import ALSO, DOUBT, LOST, Keeper, Kept, KeptTask, fits
+from missions.plugins.fleet.line import Roster
 from missions.plugins.fleet.words import (
     MAX_ANSWER,
     RULES,

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from missions.plugins.tasks.disk import DiskFull, trouble
 from missions.plugins.tasks.lock import is_locked, locked
-from missions.plugins.tasks.schema import open_db
+from missions.plugins.tasks.schema import DiskFull, open_db, trouble
 from missions.plugins.tasks.task import TaskError
 from tests.missions.service.small_disk import MOUNT
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.plugins.tasks.times import DAYS, Every, first_time, local_zone, next_time, read_at, read_every
+from missions.plugins.tasks.queue import DAYS, Every, first_time, local_zone, next_time, read_at, read_every
 from tests.missions.service.small_queue import BERLIN, START
 
 ZONES = st.sampled_from([BERLIN, ZoneInfo("America/New_York"), ZoneInfo("Australia/Lord_Howe"), ZoneInfo("UTC")])

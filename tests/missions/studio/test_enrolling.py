@@ -17,7 +17,7 @@ from missions.control.commands import BadMessage, Command
 from missions.library.folders import state_folder
 from missions.plugins.studio.access import Access
 from missions.plugins.studio.audit import Audit
-from missions.plugins.studio.launch import Launcher
+from missions.plugins.studio.queueing import Launcher
 from missions.plugins.studio.studio import Studio
 from missions.plugins.studio.wishes import AddPerson, ShowPerson
 from tests.browser import Browser, chromium

@@ -18,8 +18,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from drivers.clock import SystemClock
-from missions.control.commands import LARGEST
-from missions.control.reading import MAX_REFUSED_BYTES
+from missions.control.commands import LARGEST, MAX_REFUSED_BYTES
 from missions.plugins.studio.access import Access, keep_tokens, kept_tokens
 from missions.plugins.studio.doors import MOST_CONNECTIONS
 from missions.plugins.studio.serving import routes

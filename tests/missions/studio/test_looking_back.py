@@ -21,7 +21,7 @@ from missions.plugins.records.ring import records_folder
 from missions.plugins.studio import looking_back, moments
 from missions.plugins.studio.wishes import Moment, Records
 from missions.plugins.studio.wishes import Record as Asked
-from missions.trees.tree_json import to_json
+from missions.trees.drawing import to_json
 from tests.missions.records.report.told_record import DRAWING, FILES, WHERE, write
 
 

@@ -7,9 +7,8 @@ import jsonschema
 import pytest
 
 from missions.codec import encode_word, members
-from missions.control.commands import LARGEST, RULES, BadMessage, Drive
+from missions.control.commands import LARGEST, RULES, BadMessage, Drive, id_in, read_command
 from missions.control.messages import ERRORS, MESSAGES, Answer, Over, line_of
-from missions.control.reading import id_in, read_command
 from missions.plugins.studio.wishes import COMMANDS, Start, protocol
 from tests.cases import each
 

@@ -21,11 +21,11 @@ from missions.control.commands import BadMessage, Stop
 from missions.control.messages import Runs
 from missions.plugins.studio.access import Access
 from missions.plugins.studio.audit import Audit
-from missions.plugins.studio.launch import Launcher
-from missions.plugins.studio.link import Link
+from missions.plugins.studio.queueing import Launcher
 from missions.plugins.studio.reader import Reader
 from missions.plugins.studio.session import Session
 from missions.plugins.studio.studio import Studio
+from missions.plugins.studio.watching import Link
 from missions.plugins.studio.wishes import Start, Tasks
 from tests.missions.studio.running import found_of
 

@@ -11,8 +11,7 @@ from typing import Any
 from drivers.clock import ManualClock
 from missions.control import sockets
 from missions.control.commands import Watch
-from missions.plugins.studio.link import Link
-from missions.plugins.studio.watching import Hearer, Watching
+from missions.plugins.studio.watching import Hearer, Link, Watching
 
 PATIENCE = 60.0
 RUN = str(os.getpid())

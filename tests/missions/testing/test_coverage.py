@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from missions.library.shipped import shipped_missions
-from missions.plugins.testing.coverage import FileCoverage, coverage, lines_of, page
 from missions.plugins.testing.play import play
+from missions.plugins.testing.report import FileCoverage, coverage, lines_of, page
 from missions.plugins.testing.stage import IN_PROCESS
 from missions.plugins.testing.suite import load_suite
 from tests.missions.command import command

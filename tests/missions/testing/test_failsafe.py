@@ -11,8 +11,16 @@ from drivers.kobuki.driver import DOZE, kobuki_base
 from drivers.kobuki.virtual import VirtualKobuki
 from drivers.sim.timeline import Timeline
 from missions.plugins.testing.failsafe.eyes import StagedRanger
-from missions.plugins.testing.failsafe.ride import Moment, Nobody, Ride, stepped_through
-from missions.plugins.testing.failsafe.settings import CHOICES, NOTHING, Setting, keys_for
+from missions.plugins.testing.failsafe.ride import (
+    CHOICES,
+    NOTHING,
+    Moment,
+    Nobody,
+    Ride,
+    Setting,
+    keys_for,
+    stepped_through,
+)
 from tests.drivers.cranked import HandWire
 from tests.tries import tries
 

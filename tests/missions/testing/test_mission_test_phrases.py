@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from config.faults import Diagnostic, Mark, Source
 from config.marked import Scalar
 from missions.plugins.testing.mishaps import Mishap, read_mishap
+from missions.plugins.testing.mocks import TOLD, Script, Turn, read_script
 from missions.plugins.testing.moments import EventSpec, read_moment
 from missions.plugins.testing.phrases import Phrase
-from missions.plugins.testing.script import TOLD, Script, Turn, read_script
 
 RUNS = Turn("running", seconds=math.inf, ticks=math.inf)
 

@@ -3,17 +3,16 @@
 import pytest
 from py_trees.common import Status
 
-from behaviours.arm import Gesture
 from behaviours.basics import Set, Wait
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
+from behaviours.playing import Gesture
 from behaviours.sight import FindFace
 from config.faults import Diagnostic, Mark, Source
 from config.marked import Scalar
 from missions.language.plan import Step
-from missions.plugins.testing.mocks import Cast, MockSpec, fits
+from missions.plugins.testing.mocks import Cast, MockSpec, fits, read_script
 from missions.plugins.testing.phrases import Phrase
 from missions.plugins.testing.recorders import Bench
-from missions.plugins.testing.script import read_script
 from perception.api import Face
 
 

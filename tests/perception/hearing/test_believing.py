@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from perception.hearing.acceptance import LEARNED, Acceptance, learned
-from perception.hearing.confusion import edits
-from perception.hearing.endpoint import Clip
 from perception.hearing.features import FRAME, Decoding, features
+from perception.hearing.lexicon import edits
+from perception.hearing.sound import Clip
 
 letters = st.lists(st.sampled_from("ABC"), max_size=6)
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.hearing.cepstra import COUNT, HOP, USUAL, WEIGHT, WINDOW, cepstra, normalised, with_slopes
+from perception.hearing.acoustic_model import COUNT, HOP, USUAL, WEIGHT, WINDOW, cepstra, normalised, with_slopes
 from perception.hearing.sound import RATE, Samples
 
 

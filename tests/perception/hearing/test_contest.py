@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from perception.hearing.acoustic_model import STATES, AcousticModel, Fits
-from perception.hearing.contest import Contest
+from perception.hearing.acoustic_model import STATES, AcousticModel, Contest, Fits
 from perception.hearing.lexicon import model_folder
 from perception.hearing.sound import RATE, Floats, Samples, clarified, dithered
 from tests.benchmarks.speaking import Speaking

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from perception.hearing.endpoint import LEAD, TAIL, Clip, EndPointer, Gate
-from perception.hearing.sound import RATE, Samples
+from perception.hearing.sound import LEAD, RATE, TAIL, Clip, EndPointer, Gate, Samples
 
 LOUD = 3000.0
 

@@ -14,10 +14,10 @@ import pytest
 from drivers.clock import SystemClock
 from drivers.transport.pipe import Worker
 from perception.hearing.acceptance import learned
-from perception.hearing.endpoint import Clip
 from perception.hearing.engines import BEATEN, NOTHING, Modelled, Sherpa, Sphinx, Vosk, weighed
 from perception.hearing.grammar import Grammar
 from perception.hearing.lexicon import Lexicon, english
+from perception.hearing.sound import Clip
 from tests.waiting import wait_until
 
 VOSK = '''

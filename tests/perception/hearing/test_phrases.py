@@ -4,10 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.hearing.confusion import confusable
 from perception.hearing.grammar import END, START, Grammar, fault_of, normalised
-from perception.hearing.lexicon import Lexicon, variants
-from perception.hearing.phones import KIND_OF, VOWELS, phones_of
+from perception.hearing.lexicon import KIND_OF, VOWELS, Lexicon, confusable, phones_of, variants
 
 DICTIONARY = """stop S T AA P
 start S T AA R T

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("pocketsphinx")
 
 from perception.hearing import recogniser_worker
-from perception.hearing.contest import Entry
+from perception.hearing.acoustic_model import Entry
 from perception.hearing.engines import BEATEN
 from perception.hearing.grammar import Grammar
 from perception.hearing.lexicon import english

@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from perception.hearing.endpoint import Clip
 from perception.hearing.engines import Judgement
 from perception.hearing.listener import Talker
-from perception.hearing.sound import RATE, Piece, Samples
+from perception.hearing.sound import RATE, Clip, Piece, Samples
 
 
 class Bit:

@@ -7,13 +7,13 @@ from threading import Event
 
 import click
 
-from missions.cli.columns import in_columns
 from missions.cli.commands import LazyGroup
+from missions.cli.printable import in_columns
 from missions.cli.root import FAILURE, SUCCESS
 from missions.plugins.fleet.commands import fleet_tasks
 from missions.plugins.fleet.commands.fleet_tasks import AS_JSON, FLEET, at
+from missions.plugins.fleet.line import Member
 from missions.plugins.fleet.operator import Operator
-from missions.plugins.fleet.roster import Member
 
 WATCH = 0.2
 """Seconds from one look at the list to the next."""

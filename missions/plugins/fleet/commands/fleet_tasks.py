@@ -13,10 +13,10 @@ from behaviours.catalogue import LEAVES
 from config.faults import InvalidFileError
 from config.fleet import FleetKeys, load_fleet
 from config.library import UnknownNameError
-from missions.cli.columns import in_columns
 from missions.cli.commands import SharingCommand, shared_option
 from missions.cli.declared import params_option
 from missions.cli.numbers import Whole
+from missions.cli.printable import in_columns
 from missions.cli.root import FAILURE, SUCCESS
 from missions.language.expressions import ExpressionError, parse
 from missions.library.shipped import MISSION_NAME, load_mission

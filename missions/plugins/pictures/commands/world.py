@@ -7,8 +7,8 @@ import click
 import cv2
 
 from config.library import find
+from config.reading import save_file
 from config.robot import RobotConfig
-from config.saving import save_file
 from config.world import WorldConfig, load_world
 from drivers.api import Image
 from drivers.sim.render import Renderer

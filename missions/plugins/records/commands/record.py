@@ -10,10 +10,10 @@ from typing import Any
 
 import click
 
-from missions.cli.columns import in_columns
 from missions.cli.commands import LazyGroup
 from missions.cli.options import SECONDS
 from missions.cli.outputs import check_folder, wrote
+from missions.cli.printable import in_columns
 from missions.library.private_files import ExistsError
 from missions.plugins.records.recording.export import to_csv, to_folder, to_jsonl
 from missions.plugins.records.recording.faults import InvalidRecordError

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import click
 
-from config.saving import PRIVATE, save_file
+from config.reading import PRIVATE, save_file
 from missions.cli.numbers import Whole
 from missions.cli.outputs import check_folder, writing, wrote
 from missions.plugins.records.recording.read import open_record
 from missions.plugins.records.report.page import page
-from missions.plugins.records.report.study import MOST_PICTURES, Study, study
+from missions.plugins.records.report.summary import MOST_PICTURES, Study, study
 
 PAGES = (".html", ".htm")
 """What the name of a report may end in."""

@@ -17,7 +17,7 @@ from missions.executive.events import Ended, NodeChanged
 from missions.plugins.records.recording.read import Record
 from missions.plugins.records.replay.compare import Place, paired, places_of
 from missions.plugins.records.report.joints import PHYSICS, JointFigures
-from missions.plugins.records.report.study import Study, study
+from missions.plugins.records.report.summary import Study, study
 from missions.plugins.records.report.traces import Route
 from missions.trees.drawing import Box
 

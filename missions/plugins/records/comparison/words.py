@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from math import degrees
 
-from missions.cli.columns import in_columns
+from missions.cli.printable import in_columns
 from missions.executive.events import Ended, NodeChanged
 from missions.plugins.records.comparison.runs import Comparison, Leaf, Pair, Split, T, Way, distance
 from missions.plugins.records.recording.read import Record

@@ -9,7 +9,7 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
-from config.saving import PRIVATE, save_file, whole_file
+from config.reading import PRIVATE, save_file, whole_file
 from missions.library.private_files import inside, new_file, new_folder
 from missions.plugins.records.recording.faults import InvalidRecordError, message_in, understanding
 from missions.plugins.records.recording.read import Record, began_at

@@ -16,12 +16,12 @@ from config.robot import RobotConfig
 from drivers.api.secrets import without_secrets
 from missions.assembly.models import YUNET, folder
 from missions.assembly.together import eye
+from missions.language.expressions import shown
 from missions.language.plan import Plan
-from missions.language.values import shown
 from missions.library.shipped import behaviour_files
 from missions.plugins.records.recording.head import Contents, Head
 from missions.trees.draw import drawing_of
-from missions.trees.tree_json import to_json
+from missions.trees.drawing import to_json
 from perception.faults import MAX_MODEL
 
 KINDS = ("mission", "world", "gesture", "gait", "controller", "object", "move", "robot")

@@ -9,7 +9,7 @@ from datetime import datetime, timedelta
 from math import ceil
 from pathlib import Path
 
-from missions.cli.columns import in_columns
+from missions.cli.printable import in_columns
 from missions.plugins.records.recording.read import Record, open_record
 from missions.trees.draw import at
 from missions.trees.drawing import Drawing

@@ -28,8 +28,8 @@ from missions.plugins.records.recording.items import EVENTS, Feedback
 from missions.plugins.records.recording.moments import Restored
 from missions.plugins.records.recording.tagged_values import from_json, view_in
 from missions.trees.drawing import ACTIVE, Drawing
+from missions.trees.drawing import from_json as drawing_from_json
 from missions.trees.states import TIME_TOLERANCE
-from missions.trees.tree_json import from_json as drawing_from_json
 from perception.api import View
 
 if TYPE_CHECKING:

@@ -28,12 +28,11 @@ from drivers.api.marks import members, no_answer
 from drivers.clock import ManualClock
 from missions.assembly.together import eye, groups, with_carriers
 from missions.executive.answers import Answers
-from missions.executive.asked import asked, protocol_of, robot_for
+from missions.executive.asked import asked, protocol_of, robot_for, unusual
 from missions.executive.build import Substitute, as_it_is, build
 from missions.executive.events import Event, NodeChanged
 from missions.executive.executive import Executive
 from missions.executive.guard import Guard
-from missions.executive.speaking import unusual
 from missions.executive.state import state_of
 from missions.executive.stream import Stream
 from missions.executive.tick_record import TickRecord

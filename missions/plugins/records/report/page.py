@@ -25,8 +25,7 @@ from missions.plugins.records.report.slider import (
     value_at,
     variables,
 )
-from missions.plugins.records.report.study import Study
-from missions.plugins.records.report.summary import sentences, verdict
+from missions.plugins.records.report.summary import Study, sentences, verdict
 from missions.plugins.records.report.tables import about, began, faults_table, joints_table, log_table, sightings_table
 from missions.plugins.records.report.traces import SHORTEST, Route, thinned
 from missions.trees.draw import at

@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from config.saving import PRIVATE
-from missions.plugins.pictures.figures import save_figure
-from missions.plugins.records.report.study import Study
+from config.reading import PRIVATE
+from missions.plugins.pictures.moves_plot import save_figure
+from missions.plugins.records.report.summary import Study
 from missions.plugins.records.report.timeline import Lane
 from missions.plugins.records.report.traces import SHORTEST, Chart, Line, Route, unbroken
 from missions.trees.drawing import Status

@@ -1,18 +1,66 @@
 """A run in words: how it went and why, what took long, what failed, and what is not in the record."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from math import degrees
 
 from missions.executive.events import FaultRaised, NodeChanged, Ticked
 from missions.plugins.records.recording.read import Record
-from missions.plugins.records.report.following import rms
+from missions.plugins.records.report.joints import JointFigures, figures_of, joint_charts, tracks_of
 from missions.plugins.records.report.joints import sentences as about_joints
-from missions.plugins.records.report.percepts import Sighting
-from missions.plugins.records.report.study import Study
-from missions.plugins.records.report.timeline import Lane
+from missions.plugins.records.report.percepts import Picture, Sighting, Views, pictures, sightings
+from missions.plugins.records.report.slider import Moments, moments_of
+from missions.plugins.records.report.timeline import Lane, lanes_of
+from missions.plugins.records.report.traces import Chart, Miss, Route, charts_of, rms, route_of, tracking
 from missions.trees.draw import CONDITION
 from missions.trees.drawing import Drawing
 from missions.trees.words import Named, counted, in_seconds, names_in
+
+# All that a report tells of a record, found once: for its words, its page and its pictures for papers.
+
+MOST_PICTURES = 60
+"""Pictures of the camera in a report, where nobody says how many."""
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """What was found in a ``record``; see the modules that these values come from."""
+
+    record: Record
+    drawing: Drawing
+    moments: Moments
+    lanes: Sequence[Lane]
+    misses: Sequence[Miss]
+    charts: Sequence[Chart]
+    route: Route
+    views: Views
+    pictures: Sequence[Picture]
+    sightings: Sequence[Sighting]
+    joints: Sequence[JointFigures]
+    joint_charts: Sequence[Chart]
+
+
+def study(record: Record, *, most_pictures: int = 0) -> Study:
+    """Read a record through. Raises InvalidRecordError for one that is damaged or has no drawing of its tree."""
+    drawing, moments, views = record.drawing(), moments_of(record), list(record.views())
+    changes = [event for event in record.events if isinstance(event, NodeChanged)]
+    lanes = lanes_of(drawing, changes, record.statuses(moments.end), moments.end)
+    misses, tracks = tracking(record, views, lanes), tracks_of(record)
+    return Study(
+        record,
+        drawing,
+        moments,
+        lanes,
+        misses,
+        charts_of(record, misses, moments.begin),
+        route_of(record),
+        views,
+        pictures(record, views, most_pictures),
+        sightings(views),
+        figures_of(record, tracks),
+        joint_charts(tracks),
+    )
+
 
 STILL = 0.01
 """Metres and radians together that are no movement: reports tremble."""

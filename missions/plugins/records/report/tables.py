@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from datetime import datetime
 
-from missions.cli.columns import in_columns
+from missions.cli.printable import in_columns
 from missions.executive.events import Logged, Notified, ReflexFired
 from missions.plugins.pictures.page.document import Markup, join, tag
 from missions.plugins.records.recording.export import cell

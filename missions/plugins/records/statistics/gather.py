@@ -26,7 +26,7 @@ COMMAND = ("base", "command")
 """The figures of how long a command to the base waits for the renewal that sends it; others are sent at once."""
 
 DURATION_PREFIX, TIME = "longest_", "_us"
-"""Around the names of the counters that are times; see ``drivers.transport.delays``."""
+"""Around the names of the counters that are times; see ``drivers.transport.history``."""
 
 
 def gather(record: Record) -> Stats:

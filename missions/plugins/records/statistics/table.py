@@ -5,7 +5,7 @@ import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 
-from missions.cli.columns import in_columns
+from missions.cli.printable import in_columns
 from missions.plugins.records.statistics.figures import NodeFigures, Place, Spread, Stats, spread
 
 NODES = ("node", "line", "ticks", "runs", "success", "failure", "halted", "total s", "median s", "95 % s")

@@ -11,8 +11,8 @@ import click
 from config.defaults import FILE, config_folder, load_defaults
 from config.faults import InvalidFileError
 from config.library import MINE, UnknownNameError, find
+from config.reading import PRIVATE, save_file
 from config.robot import RobotConfig
-from config.saving import PRIVATE, save_file
 from drivers.api.driver import Finding, wrong
 from drivers.clock import SystemClock, time_of_day
 from drivers.finding.fitness import fitness

@@ -9,11 +9,10 @@ from types import MappingProxyType
 from py_trees.common import Status
 
 from behaviours.catalogue import LEAVES
-from behaviours.joint_motion import ON_ARM, JointMotion, positions
+from behaviours.joint_motion import ON_ARM, JointMotion, Sample, positions
 from behaviours.joint_ranges import JointRanges
 from behaviours.leaf import RUNNING, SUCCESS, Leaf, argument
 from behaviours.node import Node
-from behaviours.tracking_error import Sample
 from config.faults import Source
 from config.robot import RobotConfig, Section
 from drivers.api import ignore
@@ -24,8 +23,7 @@ from missions.language.document import check_plan
 from missions.library.target import target_of
 from missions.library.things import THINGS
 from missions.plugins.setup.checkup import Checked
-from missions.plugins.setup.doctor.base_trial import TryBase
-from missions.plugins.setup.doctor.base_verdict import SeenMotion, judge
+from missions.plugins.setup.doctor.base_verdict import SeenMotion, TryBase, judge
 from missions.plugins.setup.servo.running import run_plan
 from missions.request import RunRequest
 from perception.api import Frame

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from drivers.extras import extras
 from drivers.finding.machine import Machine
-from drivers.finding.usb import all_usb
+from drivers.finding.serial_ports import all_usb
 from missions.plugins.setup.checkup import Checked
 
 SHORT = 4

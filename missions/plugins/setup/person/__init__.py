@@ -3,8 +3,7 @@
 import click
 
 from missions.cli.commands import LazyGroup
-from missions.plugins.setup.person.add import add
-from missions.plugins.setup.person.list import list_people, remove
+from missions.plugins.setup.person.add import add, list_people, remove
 
 
 @click.group("person", cls=LazyGroup, epilog="Example: mission person list")

@@ -1,12 +1,17 @@
 """``mission person add``: let the robot know somebody, from pictures or guided before the camera."""
 
+import functools
+import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
+from datetime import UTC, datetime
 from shlex import quote
+from typing import Any
 
 import click
 import cv2
 
+from config.library import find
 from drivers.api import DeviceStatus, ignore
 from drivers.api.senses import CameraKeys
 from drivers.api.turn import UPRIGHT
@@ -15,20 +20,153 @@ from drivers.camera.pictures import pictures
 from drivers.camera.source import Kind, is_live, kind_of
 from drivers.clock import Clock, SystemClock
 from drivers.errors import BadRequest, NotConnected
-from drivers.voice.make import Wish, make_voice
+from drivers.voice.speech import Wish, make_voice
 from missions.assembly.models import face_detector
-from missions.cli.commands import SharingCommand
-from missions.cli.names import PERSON
+from missions.cli.commands import SharingCommand, shared_option
+from missions.cli.names import PERSON, ROBOT
 from missions.cli.numbers import InUnit, Whole
-from missions.cli.root import SUCCESS
-from missions.library.people import People, PeopleError, proper_name
-from missions.library.portraits import digest
-from missions.plugins.setup.person.asked import camera_of, judged_otherwise, people_for, robot_option, saying_why, tell
+from missions.cli.printable import in_columns
+from missions.cli.root import FAILURE, SUCCESS
+from missions.library.drivers import load_robot
+from missions.library.people import Known, People, PeopleError, digest, people_of, proper_name
 from perception.api import Image
 from perception.crops import crop, face_in
+from perception.elastic import Calibration
 from perception.finder import FaceDetector
 from perception.patches import Patches, describe, likeness
 from perception.people import ENOUGH, FEWEST, MAX_PICTURES, KnownPeople, NotOneFace, enrol
+
+# What the commands of ``mission person`` share: whose people are meant, and saying what cannot be done.
+
+robot_option = shared_option(
+    "--robot", type=ROBOT, help="Whose people: those in the folder that its file names. Without it: yours."
+)
+
+
+def camera_of(robot: str | None) -> CameraKeys | None:
+    """Return the camera section of a robot's file; None without a robot. Raises click.UsageError for a blind one."""
+    if robot is None:
+        return None
+    camera = load_robot(find("robots", robot)).camera
+    if camera is None:
+        raise click.UsageError(f"{robot} has no camera")
+    return camera
+
+
+def judged_otherwise(camera: CameraKeys | None) -> str:
+    """Return what to say where a robot recognises people by another method than these commands; else nothing."""
+    method = "patches" if camera is None else camera.identity.method
+    return (
+        ""
+        if method == "patches"
+        else f"judged by patches, while the robot's method is {method}: that is not tried here"
+    )
+
+
+def people_for(robot: str | None) -> People:
+    """Return the people whom a robot knows, the user's own without one."""
+    return people_of(camera_of(robot))
+
+
+def saying_why(command: Callable[..., int]) -> Callable[..., int]:
+    """Make a command say what cannot be done with pictures of people, and fail."""
+
+    @functools.wraps(command)
+    def wrapped(*arguments: Any, **named: Any) -> int:
+        try:
+            return command(*arguments, **named)
+        except PeopleError as error:
+            tell(error)
+            return FAILURE
+
+    return wrapped
+
+
+def tell(error: PeopleError) -> None:
+    """Print what cannot be done, and what to type next."""
+    click.echo(f"mission: {error}" + (f"\n  try: {error.hint}" if error.hint else ""), err=True)
+
+
+# ``mission person list``: whom the robot knows, and how surely.
+
+# ``mission person remove``: forget people, and delete their pictures.
+
+
+@click.command(cls=SharingCommand, epilog="Example: mission person remove Anna")
+@click.argument("names", type=PERSON, nargs=-1, required=True, metavar="NAMES...")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@robot_option
+@saying_why
+def remove(names: tuple[str, ...], yes: bool, robot: str | None) -> int:
+    """Forget people: their pictures are deleted, and there is nothing else of them."""
+    people = people_for(robot)
+    unknown = [name for name in names if people.find(name) is None]
+    if unknown:
+        known = ", ".join(each.name for each in people.known()) or "nobody"
+        told = f"nobody is called '{', '.join(unknown)}'; nothing was deleted; known: {known}"
+        raise PeopleError(told, hint="mission person list")
+    if not yes and not click.confirm(f"Delete all pictures of {', '.join(names)}?"):
+        return FAILURE
+    for name in dict.fromkeys(people.find(name) or name for name in names):
+        click.echo(f"{name}: {people.remove(name)} pictures deleted")
+        if (people.where / name).exists():
+            click.echo(f"{people.where / name} stays: there is something else in it", err=True)
+    return SUCCESS
+
+
+@click.command("list", cls=SharingCommand, epilog="Example: mission person list --robot turtlebot2_arm")
+@click.option("--json", "as_json", is_flag=True, help="As one line of JSON.")
+@robot_option
+@saying_why
+def list_people(as_json: bool, robot: str | None) -> int:
+    """List the people whom a robot knows, and how surely patches of their faces tell them apart.
+
+    A robot whose method is another is not tried by that.
+    """
+    people = people_for(robot)
+    known = people.known()
+    portraits = people.portraits(tell)
+    calibration = KnownPeople(portraits).calibration if portraits else None
+    if as_json:
+        click.echo(json.dumps(_data(known, calibration)))
+        return SUCCESS
+    if not known:
+        click.echo("it knows nobody yet\n  try: mission person add NAME", err=True)
+        return SUCCESS
+    click.echo(in_columns(("name", "pictures", "since"), [_row(each) for each in known], left=frozenset({"name"})))
+    if calibration is not None:
+        click.echo(f"\n{_words(calibration)}")
+        if otherwise := judged_otherwise(camera_of(robot)):
+            click.echo(otherwise)
+    return SUCCESS
+
+
+def _row(known: Known) -> list[str]:
+    return [known.name, str(known.pictures), datetime.fromtimestamp(known.since, UTC).astimezone().strftime("%Y-%m-%d")]
+
+
+def _data(known: list[Known], calibration: Calibration | None) -> dict[str, object]:
+    rates = None
+    if calibration is not None:
+        threshold = round(min(calibration.thresholds.values()), 3)
+        rates = {"method": "patches", "threshold": threshold, "refused": calibration.refused,
+                 "accepted": calibration.accepted, "looks": calibration.looks}  # fmt: skip
+    people = [{"name": each.name, "pictures": each.pictures, "since": each.since} for each in known]
+    return {"people": people, "rates": rates}
+
+
+def _words(calibration: Calibration) -> str:
+    """Say how surely it tells people apart, and of how much that was found out."""
+    if calibration.refused is None:
+        return "how surely it tells them apart cannot be said from so few pictures"
+    refused = f"of 100 looks at them {100 * calibration.refused:.0f} take them for nobody"
+    if calibration.accepted is None:
+        accepted = "what it makes of strangers can only be tried with somebody else in the list"
+    else:
+        accepted = f"of 100 at strangers {100 * calibration.accepted:.0f} take them for somebody"
+    doubt = "all at these very pictures and people: expect worse on other days, and of other strangers"
+    return f"{refused},\n{accepted} ({calibration.looks} looks, {doubt})"
+
 
 # Taking pictures of somebody who stands before a camera: which of them are good enough, and what to do next.
 

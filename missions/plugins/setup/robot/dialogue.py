@@ -9,8 +9,7 @@ from typing import Any
 
 import click
 
-from config.reading import read_regular_text
-from config.saving import save_file
+from config.reading import read_regular_text, save_file
 from missions.cli.keys import Keys
 
 LOOK = 0.05

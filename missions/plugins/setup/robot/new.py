@@ -11,8 +11,8 @@ from config.defaults import FILE, config_folder, drop_default, keep_default, loa
 from config.editing import NotEditableError
 from config.faults import InvalidFileError, Source
 from config.library import UnknownNameError, find, shipped
+from config.reading import save_file
 from config.robot import RobotConfig
-from config.saving import save_file
 from config.writing import word, write_new
 from drivers.api.driver import Driver
 from drivers.errors import DriverError

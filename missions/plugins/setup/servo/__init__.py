@@ -4,11 +4,10 @@ import click
 
 from missions.cli.commands import LazyGroup
 from missions.plugins.setup.servo.calibrate import calibrate
-from missions.plugins.setup.servo.change import set_register
+from missions.plugins.setup.servo.change import info, set_register
 from missions.plugins.setup.servo.drive import move, torque
 from missions.plugins.setup.servo.home import home
 from missions.plugins.setup.servo.importing import import_joints
-from missions.plugins.setup.servo.info import info
 from missions.plugins.setup.servo.mirror import mirror
 from missions.plugins.setup.servo.playing import play
 from missions.plugins.setup.servo.recording import record

@@ -12,15 +12,22 @@ from drivers.errors import BadRequest, NoReply
 from drivers.servos.bus import Bus
 from drivers.servos.feetech import FeetechKeys
 from drivers.servos.joint import Joint
-from missions.cli.columns import in_columns
 from missions.cli.commands import SharingCommand
 from missions.cli.numbers import InUnit
 from missions.cli.outputs import check_writable
+from missions.cli.printable import in_columns
 from missions.cli.root import FAILURE, SUCCESS
-from missions.plugins.setup.servo.bench import Bench, opened_bus
+from missions.plugins.setup.servo.bench import (
+    Bench,
+    confirm_limp,
+    hold_option,
+    opened_bus,
+    patience,
+    require_terminal,
+    show,
+)
 from missions.plugins.setup.servo.ranges import Range, check_keepable, keep_ranges
 from missions.plugins.setup.servo.target import Target, target_options
-from missions.plugins.setup.servo.until import confirm_limp, hold_option, patience, require_terminal, show
 
 LEAST = radians(5)
 """What was turned by less than this was not turned on purpose."""

@@ -19,10 +19,9 @@ from drivers.servos.units import called
 from missions.cli.commands import SharingCommand
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.target import target_of
-from missions.plugins.setup.servo.bench import Arm, Bench, opened_arm, opened_bus, pause
+from missions.plugins.setup.servo.bench import Arm, Bench, confirm_limp, hold_option, opened_arm, opened_bus, pause
 from missions.plugins.setup.servo.running import run_leaf
 from missions.plugins.setup.servo.target import Target, target_options
-from missions.plugins.setup.servo.until import confirm_limp, hold_option
 
 RECOVERY = 3.0
 """Seconds within which a servo that was revived tells that it is stiff: those of protocol 2.0 start again for it."""

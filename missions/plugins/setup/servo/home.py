@@ -16,18 +16,17 @@ from drivers.servos.calibration import HALF_TURN, LAST, MotorCalibration, load, 
 from drivers.servos.feetech import FeetechKeys
 from drivers.servos.joint import Joint
 from drivers.servos.settings import Change, apply, planned
-from missions.cli.columns import in_columns
 from missions.cli.commands import SharingCommand
 from missions.cli.numbers import InUnit
 from missions.cli.outputs import check_writable, save
+from missions.cli.printable import in_columns
 from missions.cli.root import FAILURE, SUCCESS
 from missions.plugins.setup.servo import origin
-from missions.plugins.setup.servo.bench import Bench, opened_bus
+from missions.plugins.setup.servo.bench import Bench, confirm_limp, opened_bus, patience, require_terminal, show
 from missions.plugins.setup.servo.calibrate import LEAST, limp
 from missions.plugins.setup.servo.origin import origin_file
 from missions.plugins.setup.servo.ranges import free
 from missions.plugins.setup.servo.target import Target, target_options
-from missions.plugins.setup.servo.until import confirm_limp, patience, require_terminal, show
 
 TURN = LAST + 1
 

@@ -14,9 +14,8 @@ from drivers.servos.driver import DynamixelJoints
 from missions.cli.commands import SharingCommand
 from missions.cli.numbers import InUnit
 from missions.cli.root import SUCCESS
-from missions.plugins.setup.servo.bench import Arm, opened_arms
+from missions.plugins.setup.servo.bench import Arm, hold_option, opened_arms, patience, require_terminal, show
 from missions.plugins.setup.servo.target import ARM, Target, target_options
-from missions.plugins.setup.servo.until import hold_option, patience, require_terminal, show
 
 ROUND = 0.05
 """Seconds that a reading of the leader is waited for, at most."""

@@ -7,11 +7,9 @@ from types import ModuleType
 
 import click
 
-from behaviours.joint_motion import RUN_IN
+from behaviours.joint_motion import RUN_IN, Sample
 from behaviours.joint_ranges import degrees
-from behaviours.moves import Play
-from behaviours.playing import Playing
-from behaviours.tracking_error import Sample
+from behaviours.playing import Play, Playing
 from config.library import SHEETS, find, shipped
 from drivers.api import Gesture, JointLimits
 from missions.cli.commands import SharingCommand

@@ -8,8 +8,8 @@ from pathlib import Path
 from config.editing import NotEditableError, require_own, rewrite, with_value
 from config.faults import InvalidFileError, Source
 from config.marked import read_source
+from config.reading import save_file
 from config.robot import RobotConfig
-from config.saving import save_file
 from config.units import written
 from drivers.servos.declared import DynamixelKeys, JointKeys, Ticks
 from missions.library.drivers import robot_of

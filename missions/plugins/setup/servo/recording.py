@@ -14,9 +14,8 @@ from missions.cli.numbers import InUnit
 from missions.cli.outputs import check_writable, save
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.moves.record import Recording
-from missions.plugins.setup.servo.bench import opened_arm
+from missions.plugins.setup.servo.bench import hold_option, opened_arm, patience, require_terminal, show
 from missions.plugins.setup.servo.target import Target, target_options
-from missions.plugins.setup.servo.until import hold_option, patience, require_terminal, show
 
 
 @click.command(cls=SharingCommand, epilog="Example: mission servo record my_hello --joint elbow --seconds 5")

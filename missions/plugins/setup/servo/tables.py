@@ -6,11 +6,11 @@ from io import StringIO
 from math import degrees
 from pathlib import Path
 
+from behaviours.joint_motion import JointError, Sample
 from behaviours.playing import Playing, slowed
-from behaviours.tracking_error import JointError, Sample
-from config.saving import save_file
+from config.reading import save_file
 from drivers.api import Gesture, JointLimits, Keyframe
-from missions.cli.columns import in_columns
+from missions.cli.printable import in_columns
 
 MOST_ROWS = 40
 """Lines of a table of poses: more are thinned out evenly."""

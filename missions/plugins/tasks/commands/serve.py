@@ -17,16 +17,14 @@ from missions.library.plugins import service
 from missions.options import filled
 from missions.plugins.tasks.channels import channels_of
 from missions.plugins.tasks.courier import Courier
-from missions.plugins.tasks.disk import DiskFull, in_a_line, trouble
 from missions.plugins.tasks.fleet_latch import FleetLatch
 from missions.plugins.tasks.lock import Taken, locked, run_lock, server_lock
 from missions.plugins.tasks.notices import channel_of
 from missions.plugins.tasks.outbox import Outbox
-from missions.plugins.tasks.queue import Queue
-from missions.plugins.tasks.schema import in_words, open_db, queue_file
+from missions.plugins.tasks.queue import Queue, local_zone, wall_clock
+from missions.plugins.tasks.schema import DiskFull, in_a_line, in_words, open_db, queue_file, trouble
 from missions.plugins.tasks.serve import Server
 from missions.plugins.tasks.task import TaskError
-from missions.plugins.tasks.times import local_zone, wall_clock
 from missions.plugins.tasks.work import Child
 
 LEAVE = 60.0

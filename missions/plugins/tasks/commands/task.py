@@ -15,13 +15,13 @@ from click.shell_completion import CompletionItem
 
 from config.library import find, shipped
 from config.notices import named
-from missions.cli.columns import in_columns
 from missions.cli.commands import LazyGroup
 from missions.cli.declared import DeclaredCommand, behaviours_option, declared_options, options_of_run, params_option
 from missions.cli.names import MISSION
 from missions.cli.numbers import Whole
 from missions.cli.options import SECONDS
 from missions.cli.orders import check_order
+from missions.cli.printable import in_columns
 from missions.cli.root import SUCCESS
 from missions.language.plan import Plan
 from missions.library.folders import state_folder
@@ -29,10 +29,9 @@ from missions.library.shipped import find_mission, shipped_missions
 from missions.plugins.tasks.channels import channels_of
 from missions.plugins.tasks.lock import is_locked, server_lock
 from missions.plugins.tasks.outbox import Letter, Outbox
-from missions.plugins.tasks.queue import Queue
+from missions.plugins.tasks.queue import Queue, first_time, local_zone, read_at, read_every, wall_clock
 from missions.plugins.tasks.schema import in_words, open_db, queue_file
 from missions.plugins.tasks.task import PRIORITIES, Attempt, Interrupted, NewTask, Policy, Task, TaskError
-from missions.plugins.tasks.times import first_time, local_zone, read_at, read_every, wall_clock
 from missions.request import RunRequest, Simulate
 
 # How tasks, attempts and notices are told on a terminal.

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import click
 
-from behaviours.tracking.rules import RuleBases
-from behaviours.tracking.track_face import TrackFace
+from behaviours.tracking.fuzzy import RuleBases
+from behaviours.tracking.track import TrackFace
 from config.controller import ControllerConfig, load_controller
 from config.library import find
 from missions.cli.commands import LazyGroup
 from missions.cli.names import CONTROLLER
 from missions.cli.numbers import Whole
 from missions.cli.outputs import writing
-from missions.plugins.pictures.figures import NO_PLOTS
+from missions.plugins.pictures.moves_plot import NO_PLOTS
 from missions.plugins.testing.controllers.bench import (
     COMPARED,
     CONTROLLERS,
@@ -25,7 +25,7 @@ from missions.plugins.testing.controllers.bench import (
     summary,
     table,
 )
-from missions.plugins.testing.controllers.scenario import DELAYS, STAMPS
+from missions.plugins.testing.controllers.trial import DELAYS, STAMPS
 
 LAG = TrackFace.lag
 """Seconds that a base is believed to take until that is learnt, as missions have it."""

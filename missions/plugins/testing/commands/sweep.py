@@ -25,13 +25,12 @@ from missions.cli.root import FAILURE, INTERRUPTED, SUCCESS
 from missions.cli.running import EXIT_CODES
 from missions.cli.running import run as run_watched
 from missions.plugins.testing.many import cores
-from missions.plugins.testing.sweep.design import VariationError, Wish, design, told
 from missions.plugins.testing.sweep.files import PICTURE, RUNS, SUMMARY, Folder, write_world
 from missions.plugins.testing.sweep.knobs import known_names
 from missions.plugins.testing.sweep.processes import run_here
 from missions.plugins.testing.sweep.report import percent, report
 from missions.plugins.testing.sweep.summary import Summary, summarise
-from missions.plugins.testing.sweep.sweep import Sweep
+from missions.plugins.testing.sweep.sweep import Sweep, VariationError, Wish, design, told
 from missions.plugins.testing.sweep.variation import Row
 
 

@@ -11,7 +11,7 @@ import click
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from config.faults import Diagnostic, InvalidFileError
-from config.saving import save_file
+from config.reading import save_file
 from drivers.clock import SystemClock
 from missions.cli.console import console, echo
 from missions.cli.declared import behaviours_option
@@ -23,10 +23,9 @@ from missions.cli.outputs import writing
 from missions.cli.root import FAILURE, SUCCESS
 from missions.library.shipped import behaviour_files
 from missions.plugins.testing import report
-from missions.plugins.testing.coverage import coverage, lines_of, page
 from missions.plugins.testing.many import cores, play_all
 from missions.plugins.testing.play import Verdict
-from missions.plugins.testing.report import junit
+from missions.plugins.testing.report import coverage, junit, lines_of, page
 from missions.plugins.testing.suite import Case, all_tests, load_suite, named_tests
 
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import click
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from behaviours.tracking.rules import RuleBases
+from behaviours.tracking.fuzzy import RuleBases
 from config.controller import parse_controller, renamed, rewritten
 from config.faults import Source
 from config.library import find
 from config.marked import read_source
-from config.saving import save_file
+from config.reading import save_file
 from missions.cli.console import console
 from missions.cli.keys import interruptible
 from missions.cli.names import CONTROLLER
@@ -22,7 +22,7 @@ from missions.cli.outputs import writing
 from missions.cli.root import INTERRUPTED, SUCCESS
 from missions.plugins.testing.commands.controller import read
 from missions.plugins.testing.controllers.bench import bench, table
-from missions.plugins.testing.controllers.scenario import SCENARIOS
+from missions.plugins.testing.controllers.trial import SCENARIOS
 
 RULES = ("pan", "turn")
 """The rule bases that can be tuned."""

@@ -11,14 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from behaviours.tracking.fuzzy import Controller
-from behaviours.tracking.rules import RuleBases, controllers
+from behaviours.tracking.fuzzy import Controller, RuleBases, controllers
 from behaviours.tracking.terms import Sets, Variable
 from config.controller import ControllerConfig
-from missions.plugins.pictures.figures import save_figure
-from missions.plugins.testing.controllers.bench import OUTPUT, UNITS, Row
-from missions.plugins.testing.controllers.scenario import Body
-from missions.plugins.testing.controllers.score import CENTRED
+from missions.plugins.pictures.moves_plot import save_figure
+from missions.plugins.testing.controllers.bench import CENTRED, OUTPUT, UNITS, Row
+from missions.plugins.testing.controllers.trial import Body
 
 QUIET = "#8a8f98"
 """The colour of what is beside the point."""

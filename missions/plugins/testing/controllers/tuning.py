@@ -13,12 +13,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import OptimizeResult, differential_evolution
 
-from behaviours.tracking.rules import RuleBases
+from behaviours.tracking.fuzzy import RuleBases
 from config.controller import Figure, figures, parse_controller, rewritten
 from config.faults import InvalidFileError, Mark, Source
-from missions.plugins.testing.controllers.scenario import SCENARIOS, Body, Scenario
-from missions.plugins.testing.controllers.score import Score, score
-from missions.plugins.testing.controllers.trial import Trial
+from missions.plugins.testing.controllers.bench import Score, score
+from missions.plugins.testing.controllers.trial import SCENARIOS, Body, Scenario, Trial
 
 TUNED: Mapping[str, Body] = {"pan": Body.HEAD, "turn": Body.BASE}
 """The rule bases that can be tuned, and the body with which each is tried."""

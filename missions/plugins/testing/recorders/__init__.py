@@ -12,8 +12,7 @@ from missions.plugins.testing.recorders.bench import (
     RecordedRanger,
     drive,
 )
-from missions.plugins.testing.recorders.senses import RecordedSight, RecordedVoice, RecordedWords, face
-from missions.plugins.testing.recorders.spy import (
+from missions.plugins.testing.recorders.senses import (
     CANCEL,
     ENABLE,
     GONE,
@@ -23,7 +22,11 @@ from missions.plugins.testing.recorders.spy import (
     RELAX,
     REST,
     STOP,
+    RecordedSight,
+    RecordedVoice,
+    RecordedWords,
     Spy,
+    face,
     good,
     none,
     stale,

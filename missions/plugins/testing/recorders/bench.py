@@ -48,8 +48,20 @@ from drivers.api.driver import resolved
 from drivers.api.gait import GaitKeys
 from drivers.api.kinds import KINDS, Kind
 from drivers.clock import ManualClock
-from missions.plugins.testing.recorders.senses import RecordedHearing, RecordedSight, RecordedVoice
-from missions.plugins.testing.recorders.spy import ENABLE, HOLD, LATCH, RECOVER, RELAX, STOP, Spy, good, none
+from missions.plugins.testing.recorders.senses import (
+    ENABLE,
+    HOLD,
+    LATCH,
+    RECOVER,
+    RELAX,
+    STOP,
+    RecordedHearing,
+    RecordedSight,
+    RecordedVoice,
+    Spy,
+    good,
+    none,
+)
 
 # A base and a range finder that keep what they were told.
 

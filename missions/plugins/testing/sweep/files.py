@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
-from config.saving import save_file
+from config.reading import save_file
 from missions.plugins.testing.sweep.summary import Summary, cause
 from missions.plugins.testing.sweep.sweep import Sweep
 from missions.plugins.testing.sweep.variation import Row, Variation

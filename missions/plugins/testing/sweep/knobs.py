@@ -7,7 +7,7 @@ from math import cos, radians, sin
 from random import Random
 
 from config.faults import did_you_mean
-from config.people import LOOKS
+from config.things import LOOKS
 from config.units import UNITS, seen
 from missions.plugins.testing.sweep.people import PEOPLE, Plain, start_of
 from missions.plugins.testing.sweep.variation import Drawn

@@ -10,10 +10,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from missions.plugins.pictures.figures import save_figure
-from missions.plugins.testing.sweep.bins import Bin
+from missions.plugins.pictures.moves_plot import save_figure
 from missions.plugins.testing.sweep.report import interval, percent
-from missions.plugins.testing.sweep.summary import Summary
+from missions.plugins.testing.sweep.summary import Bin, Summary
 from missions.plugins.testing.sweep.variation import Row
 
 GOOD, BAD, QUIET = "#2a78b5", "#c8553d", "#8a8f98"

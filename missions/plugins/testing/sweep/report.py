@@ -2,8 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 
-from missions.plugins.testing.sweep.bins import Rate
-from missions.plugins.testing.sweep.summary import Summary
+from missions.plugins.testing.sweep.summary import Rate, Summary
 from missions.plugins.testing.sweep.variation import Row
 
 

@@ -1,13 +1,113 @@
 """What many runs say together: how often they succeed, how long that takes, and why the others fail."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from math import sqrt
+from operator import eq
 
 import numpy as np
 
-from missions.plugins.testing.sweep.bins import Bin, Rate, bins
-from missions.plugins.testing.sweep.variation import Row, Variation
+from missions.plugins.testing.sweep.variation import Drawn, Row, Span, Variation
+
+# How often runs succeed for each part of the range of what was varied.
+
+# A success rate, and how far it can be trusted.
+
+Z95 = 1.959963984540054
+"""The standard normal quantile at 97.5 %: for intervals that hold 95 %."""
+
+
+def wilson(successes: int, runs: int) -> tuple[float, float]:
+    """Return the 95 % interval of a success rate: Wilson's score interval, (0, 1) without a run.
+
+    E. B. Wilson, "Probable inference, the law of succession, and statistical inference", JASA 22 (1927), 209-212.
+    It stays within 0..1 and holds for rates near the ends, where the usual p +- 1.96 s does not.
+    """
+    if runs == 0:
+        return 0.0, 1.0
+    share, z2 = successes / runs, Z95**2
+    middle = (share + z2 / (2 * runs)) / (1 + z2 / runs)
+    half = Z95 * sqrt(share * (1 - share) / runs + z2 / (4 * runs**2)) / (1 + z2 / runs)
+    # At the ends the formula gives 0 and 1 but for rounding.
+    return (0.0 if successes == 0 else middle - half), (1.0 if successes == runs else middle + half)
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """How many of ``runs`` succeeded."""
+
+    successes: int
+    runs: int
+
+    @property
+    def share(self) -> float:
+        """The share of successes, 0 without a run."""
+        return self.successes / self.runs if self.runs else 0.0
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval of that share."""
+        return wilson(self.successes, self.runs)
+
+
+PARTS = 5
+"""Parts into which a range is cut."""
+
+FEW = 10
+"""A range of no more whole numbers is not cut: each stands for itself."""
+
+Pairs = Sequence[tuple[Drawn, Row]]
+"""Runs, each with the value that it had of one varied quantity."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bin:
+    """The runs for which a quantity was in one part of its range, or had one value.
+
+    ``low`` and ``high`` are where it stands on an axis: the numbers, or the place of a word in its list.
+    """
+
+    label: str
+    low: float
+    high: float
+    rate: Rate
+
+
+def bins(variation: Variation, pairs: Pairs) -> list[Bin]:
+    """Return the parts of what ``variation`` ranges over, with the runs that fall into each."""
+    values = variation.values
+    if not isinstance(values, Span):
+        return _each(variation, list(dict.fromkeys(values.values)), pairs)
+    low, high = values.low, values.high
+    if isinstance(low, int) and isinstance(high, int) and high - low < FEW:
+        return _each(variation, list(range(low, high + 1)), pairs)
+    edges = [low + (high - low) * part / PARTS for part in range(PARTS)] + [float(high)]
+    return [Bin(f"{a:.4g} to {b:.4g}", a, b, _rate(pairs, _within(a, b, last=b == high))) for a, b in pairwise(edges)]
+
+
+def _each(variation: Variation, values: Sequence[Drawn], pairs: Pairs) -> list[Bin]:
+    return [
+        Bin(variation.text(value), place, place + 1, _rate(pairs, partial(eq, value)))
+        for place, value in enumerate(values)
+    ]
+
+
+def _within(low: float, high: float, *, last: bool) -> Callable[[Drawn], bool]:
+    """Say what lies from ``low`` to below ``high``; of the last part, the end belongs to it."""
+
+    def within(value: Drawn) -> bool:
+        return not isinstance(value, str) and (low <= value < high or (last and value == high))
+
+    return within
+
+
+def _rate(pairs: Pairs, holds: Callable[[Drawn], bool]) -> Rate:
+    found = [row for value, row in pairs if holds(value)]
+    return Rate(sum(row.result == "success" for row in found), len(found))
+
 
 WORST = 5
 """How many of the worst runs are told of."""

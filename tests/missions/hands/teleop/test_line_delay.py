@@ -19,14 +19,14 @@ from drivers.head.twin import HeadTwin
 from drivers.sim.timeline import Timeline
 from missions.cli.keys import Keys
 from missions.control.pilot import MAX_STATE_AGE, Pilot
-from missions.plugins.teleop.command import ancestors, line_to
-from missions.plugins.teleop.turns import (
+from missions.plugins.teleop.beside import (
     ANSWER_TIMEOUT,
     FIRST_ANSWER_TIMEOUT,
     MAX_OPEN_QUESTIONS,
     LineDelay,
     drive_by_hand,
 )
+from missions.plugins.teleop.command import ancestors, line_to
 from tests.drivers.test_twins import PAN, TILT
 from tests.tries import tries
 

@@ -17,7 +17,8 @@ from drivers.clock import ManualClock, SystemClock
 from drivers.errors import DriverError, NotConnected
 from missions.control.pilot import ENABLE, LATCH, Push
 from missions.plugins.teleop import layout as events
-from missions.plugins.teleop import pad, pad_store
+from missions.plugins.teleop import pad
+from missions.plugins.teleop import pad as pad_store
 from missions.plugins.teleop.beside import Beside
 from missions.plugins.teleop.layout import (
     D_MODE,
@@ -30,8 +31,7 @@ from missions.plugins.teleop.layout import (
     Stick,
     layout_for,
 )
-from missions.plugins.teleop.pad import Pad, find_pad, find_pads
-from missions.plugins.teleop.pad_store import keep_taught, load_taught
+from missions.plugins.teleop.pad import Pad, find_pad, find_pads, keep_taught, load_taught
 from missions.plugins.teleop.teaching import ANSWER_TIMEOUT, MAX_TRIES, Teacher, TeachingError
 from missions.plugins.testing.recorders import RecordedBase
 from tests.missions.command import command

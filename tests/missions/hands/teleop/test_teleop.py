@@ -12,8 +12,7 @@ from drivers.clock import ManualClock
 from drivers.errors import NotConnected
 from drivers.sim.timeline import Timeline
 from missions.control.pilot import MAX_SHARE, MIN_SHARE, PACES, STEP, Pilot, Push
-from missions.plugins.teleop.keymap import AGAIN, FIRST, HELP, MOVES, Held
-from missions.plugins.teleop.turns import TICK, drive_by_hand
+from missions.plugins.teleop.beside import AGAIN, FIRST, HELP, MOVES, TICK, Held, drive_by_hand
 from missions.plugins.testing.recorders import ENABLE, STOP, RecordedBase, RecordedHead
 
 FULL, TURNING = 0.5, 1.9

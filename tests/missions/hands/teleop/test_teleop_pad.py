@@ -14,9 +14,9 @@ from drivers.clock import ManualClock
 from drivers.errors import NotConnected
 from missions.control.pilot import ENABLE, LATCH, Pilot, Push
 from missions.plugins.teleop import layout, pad
+from missions.plugins.teleop.beside import drive_by_hand
 from missions.plugins.teleop.layout import Event, Span, events_of, span_of, span_request
 from missions.plugins.teleop.pad import DEAD, SILENCE, Pad, find_pad
-from missions.plugins.teleop.turns import drive_by_hand
 from missions.plugins.testing.recorders import RecordedBase
 
 TIME = bytes(2 * calcsize("l"))

@@ -20,8 +20,7 @@ from missions.executive.tick_record import Answer, TickRecord
 from missions.plugins.records.recording.head import Contents, Head
 from missions.plugins.records.recording.items import Checked, Missed, Picture, Seen, packed, unpacked
 from missions.plugins.records.recording.writer import RecordWriter, Sink
-from missions.trees.drawing import Box, Drawing
-from missions.trees.tree_json import to_json
+from missions.trees.drawing import Box, Drawing, to_json
 from perception.api import Box as Place
 from perception.api import Face, View
 

@@ -23,7 +23,7 @@ from missions.plugins.records.recording.container import HEAD as RECORD_HEAD
 from missions.plugins.records.recording.export import to_csv
 from missions.plugins.records.recording.read import InvalidRecordError, open_record
 from missions.plugins.records.recording.tagged_values import to_json
-from missions.trees.tree_json import to_json as drawing_to_json
+from missions.trees.drawing import to_json as drawing_to_json
 from tests.missions.records.recording.small_record import HEAD, TREE
 from tests.missions.records.recording.small_record import items as small_items
 from tests.missions.records.recording.small_record import write as write_small

@@ -23,8 +23,7 @@ from missions.plugins.records.recording.items import EVENTS, Checked, Feedback, 
 from missions.plugins.records.recording.mend import mend
 from missions.plugins.records.recording.read import open_record
 from missions.plugins.records.recording.schemas import schema
-from missions.plugins.records.recording.schemas.foxglove import FOXGLOVE
-from missions.plugins.records.recording.schemas.ours import OURS
+from missions.plugins.records.recording.schemas.ours import FOXGLOVE, OURS
 from missions.plugins.records.recording.writer import SCHEMAS, RecordWriter, Sink, Written
 from perception.api import Gaze, Marker, Scene, Thing, View
 from tests.missions.records.recording.small_record import FILES, HEAD, face, items, moments, write

@@ -18,7 +18,7 @@ from missions.plugins.records.recording.head import Contents, Head
 from missions.plugins.records.recording.items import Picture, Seen, packed, unpacked
 from missions.plugins.records.recording.tagged_values import to_json as to_fields_of
 from missions.plugins.records.recording.writer import Message, RecordWriter, Sink
-from missions.trees.tree_json import to_json
+from missions.trees.drawing import to_json
 from perception.api import Box, View
 from tests.missions.command import command
 from tests.missions.records.recording.small_record import HEAD, TREE, Item, face, items, moments

@@ -15,7 +15,7 @@ from missions.plugins.records.recording.read import Record, open_record
 from missions.plugins.records.recording.recorder import FEEDBACK_PERIOD
 from missions.plugins.records.replay.rerun import rerun
 from missions.plugins.records.report.page import page
-from missions.plugins.records.report.study import study
+from missions.plugins.records.report.summary import study
 from missions.request import RunRequest
 from missions.runner import Runner
 from missions.trees.draw import at

@@ -3,7 +3,7 @@
 import pytest
 
 from missions.plugins.records.recording.read import Record, open_record
-from missions.plugins.records.report.study import Study, study
+from missions.plugins.records.report.summary import Study, study
 from tests.missions.records.report.told_record import items, write
 
 

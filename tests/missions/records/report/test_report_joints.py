@@ -23,9 +23,8 @@ from missions.plugins.records.recording.tagged_values import to_json
 from missions.plugins.records.report.joints import MOST_JOINTS, JointFigures, figures_of, joint_charts, tracks_of
 from missions.plugins.records.report.page import page
 from missions.plugins.records.report.papers import draw
-from missions.plugins.records.report.study import study
-from missions.plugins.records.report.summary import sentences
-from missions.trees.tree_json import to_json as drawing_to_json
+from missions.plugins.records.report.summary import sentences, study
+from missions.trees.drawing import to_json as drawing_to_json
 from tests.cases import each
 from tests.missions.records.recording.test_hostile_files import about
 from tests.missions.records.recording.test_hostile_files import write as write_foreign

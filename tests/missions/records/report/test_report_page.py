@@ -8,7 +8,7 @@ import pytest
 
 from missions.plugins.records.recording.read import Record, open_record
 from missions.plugins.records.report.page import page
-from missions.plugins.records.report.study import Study, study
+from missions.plugins.records.report.summary import Study, study
 from missions.request import RunRequest
 from missions.trees.drawing import SIGNS
 from tests.browser import Browser, Tab

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from missions.plugins.records.report.percepts import WIDTH, chosen, evenly, sightings
-from missions.plugins.records.report.study import Study
+from missions.plugins.records.report.summary import Study
 from perception.annotate import INK
 from perception.api import UNKNOWN, Box, Face, View
 

@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 from missions.plugins.records.recording.cut import cut
 from missions.plugins.records.recording.read import Record, open_record
 from missions.plugins.records.report.slider import Texts, changes, failures, moments_of, value_at, variables
-from missions.plugins.records.report.study import Study
+from missions.plugins.records.report.summary import Study
 from missions.trees.drawing import SIGNS
 from missions.trees.states import states_at
 from tests.missions.records.report.told_record import END, FAILED

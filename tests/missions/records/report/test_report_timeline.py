@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from missions.executive.events import NodeChanged
-from missions.plugins.records.report.study import Study
+from missions.plugins.records.report.summary import Study
 from missions.plugins.records.report.timeline import FINEST, Bar, lanes_of, outcomes, thinned
 from missions.trees.drawing import Box, Drawing
 

@@ -14,10 +14,9 @@ from missions.executive.events import NodeChanged, VariableSet
 from missions.plugins.records.recording.items import Seen
 from missions.plugins.records.recording.read import open_record
 from missions.plugins.records.report.chart import chart, round_numbers, share
-from missions.plugins.records.report.following import rms
 from missions.plugins.records.report.slider import Moments
-from missions.plugins.records.report.study import Study, study
-from missions.plugins.records.report.traces import COLUMNS, GAP, Chart, Line, charts_of, thinned, unbroken
+from missions.plugins.records.report.summary import Study, study
+from missions.plugins.records.report.traces import COLUMNS, GAP, Chart, Line, charts_of, rms, thinned, unbroken
 from missions.trees.drawing import Box, Drawing
 from perception.api import View
 from tests.missions.records.report.told_record import Item, face, write

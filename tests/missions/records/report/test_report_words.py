@@ -4,7 +4,7 @@ from dataclasses import replace
 from math import nan
 from pathlib import Path
 
-from behaviours.tracking_error import JointError
+from behaviours.joint_motion import JointError
 from config.units import Quantity
 from drivers.api import HeadPose
 from missions.executive.events import Ended, FaultRaised, NodeChanged, VariableSet
@@ -12,8 +12,7 @@ from missions.executive.tick_record import TickRecord
 from missions.plugins.records.recording.items import Missed, Picture, Seen
 from missions.plugins.records.recording.read import open_record
 from missions.plugins.records.report.slider import moments_of
-from missions.plugins.records.report.study import Study, study
-from missions.plugins.records.report.summary import faults, sentences, verdict
+from missions.plugins.records.report.summary import Study, faults, sentences, study, verdict
 from missions.plugins.records.report.tables import faults_table, log_table
 from missions.trees.words import about, about_all, in_words, variable_in_words
 from perception.api import UNKNOWN, Marker, Scene, Thing

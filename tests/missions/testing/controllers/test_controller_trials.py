@@ -11,16 +11,29 @@ import pytest
 
 from behaviours.tracking import foresight, lag
 from behaviours.tracking.follow import HEAD_LAG
+from behaviours.tracking.fuzzy import RuleBases
 from behaviours.tracking.lag import Lag, ramped
-from behaviours.tracking.rules import RuleBases
-from behaviours.tracking.track_face import TrackFace
+from behaviours.tracking.track import TrackFace
 from drivers.api import HeadPose
 from drivers.head.twin import HeadTwin
 from missions.library.things import controller
 from missions.plugins.testing.controllers import trial
-from missions.plugins.testing.controllers.bench import CONTROLLERS, NEAR, bench, stamp_summary, table
-from missions.plugins.testing.controllers.scenario import (
+from missions.plugins.testing.controllers.bench import (
+    CONTROLLERS,
+    NEAR,
+    Ability,
+    Score,
+    ability,
+    bench,
+    bound,
+    score,
+    stamp_summary,
+    table,
+)
+from missions.plugins.testing.controllers.trial import (
+    BASE,
     DELAYS,
+    HEAD,
     LEARNING,
     SCENARIOS,
     STAMPS,
@@ -28,12 +41,12 @@ from missions.plugins.testing.controllers.scenario import (
     Body,
     Scenario,
     StampNoise,
+    Trace,
+    Trial,
     stands,
     swings,
     walks,
 )
-from missions.plugins.testing.controllers.score import Ability, Score, ability, bound, score
-from missions.plugins.testing.controllers.trial import BASE, HEAD, Trace, Trial
 from perception.delay import Delay
 from tests.tries import tries
 

@@ -6,7 +6,7 @@ from config.controller import parse_controller
 from config.faults import InvalidFileError, Source
 from config.library import shipped
 from config.marked import read_source
-from missions.plugins.testing.controllers.score import Score
+from missions.plugins.testing.controllers.bench import Score
 from missions.plugins.testing.controllers.tuning import LOST, WRONG, Tuned, Tuning, knobs, price
 
 FACE = read_source(shipped("controllers")["face"])

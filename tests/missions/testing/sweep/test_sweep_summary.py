@@ -6,10 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missions.plugins.testing.sweep.bins import Z95, Rate, bins, wilson
 from missions.plugins.testing.sweep.files import runs_csv
 from missions.plugins.testing.sweep.report import report
-from missions.plugins.testing.sweep.summary import Summary, cause, summarise
+from missions.plugins.testing.sweep.summary import Z95, Rate, Summary, bins, cause, summarise, wilson
 from missions.plugins.testing.sweep.variation import Choice, Drawn, Outcome, Row, Span, Variation
 
 FAR = Variation("person.distance", "m", Span(0.0, 5.0))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from config.faults import Source
 from config.library import shipped
 from config.marked import read_source
-from config.people import PersonConfig
+from config.things import PersonConfig
 from config.world import WorldConfig, read_world
 from missions.plugins.testing.sweep.knobs import find_knob, known_names
 from missions.plugins.testing.sweep.variation import Choice, Drawn, Variation

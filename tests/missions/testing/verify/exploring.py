@@ -10,8 +10,8 @@ from missions.language.document import check_plan
 from missions.language.plan import Plan
 from missions.library.shipped import find_mission
 from missions.library.things import THINGS
-from missions.plugins.verify.verdicts import Report
-from missions.plugins.verify.verify import BOUND, verify
+from missions.plugins.verify.explore import Report
+from missions.plugins.verify.judge import BOUND, verify
 
 
 def plan_of(tree: str, *properties: str, leaves: Iterable[type[Leaf]] = (), params: str = "{}") -> Plan:

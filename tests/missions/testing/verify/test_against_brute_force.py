@@ -15,8 +15,8 @@ from drivers.clock import ManualClock
 from missions.executive.build import build
 from missions.language.plan import Plan, Step
 from missions.plugins.verify.explore import GOING, Space
+from missions.plugins.verify.judge import BOUND
 from missions.plugins.verify.model import Model
-from missions.plugins.verify.verify import BOUND
 from tests.missions.testing.verify.exploring import plan_of
 
 TICKS = 3

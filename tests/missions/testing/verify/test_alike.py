@@ -3,7 +3,7 @@
 import pytest
 
 from missions.plugins.verify import model
-from missions.plugins.verify.verdicts import PROVED, REFUTED
+from missions.plugins.verify.explore import PROVED, REFUTED
 from tests.missions.testing.verify.exploring import explored, outcomes
 
 OPTIONAL = ", ".join("{scene_uniform: 1 s, on_failure: succeed}" for _ in range(16))

@@ -11,8 +11,8 @@ import missions
 from drivers.clock import ManualClock
 from missions.library.shipped import load_mission, shipped_missions
 from missions.library.vocabulary import vocabulary
-from missions.plugins.verify.verdicts import PROVED, REFUTED, Report
-from missions.plugins.verify.verify import verify
+from missions.plugins.verify.explore import PROVED, REFUTED, Report
+from missions.plugins.verify.judge import verify
 
 FOLDER = Path(__file__).parent / "faulty"
 

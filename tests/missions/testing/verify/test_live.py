@@ -13,12 +13,10 @@ from missions.language.nodes import MISSION
 from missions.language.plan import Plan, Step
 from missions.library.shipped import load_mission
 from missions.plugins.verify.choices import Oracle
-from missions.plugins.verify.explore import Space
-from missions.plugins.verify.judge import Judge
+from missions.plugins.verify.explore import PROVED, REFUTED, Space
+from missions.plugins.verify.judge import BOUND, Judge, verify
 from missions.plugins.verify.live import live_while_running, names_read
 from missions.plugins.verify.model import Model, abstract
-from missions.plugins.verify.verdicts import PROVED, REFUTED
-from missions.plugins.verify.verify import BOUND, verify
 from missions.plugins.verify.watch import Watch
 from tests.missions.testing.verify.exploring import explored, outcome, outcomes, plan_of
 

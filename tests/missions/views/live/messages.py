@@ -2,8 +2,7 @@
 
 from collections.abc import Mapping
 
-from missions.trees.drawing import Badge, Box, Drawing
-from missions.trees.tree_json import to_json
+from missions.trees.drawing import Badge, Box, Drawing, to_json
 
 Message = Mapping[str, object]
 

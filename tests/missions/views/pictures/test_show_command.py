@@ -14,7 +14,7 @@ from missions.plugins.records.recording.head import Contents, Head
 from missions.plugins.records.recording.items import packed, unpacked
 from missions.plugins.records.recording.writer import RecordWriter, Sink
 from missions.trees.draw import drawing_of
-from missions.trees.tree_json import to_json
+from missions.trees.drawing import to_json
 from tests.cases import each
 from tests.missions.command import Outcome, command
 

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 
 from missions.library.shipped import load_mission, shipped_missions
 from missions.trees.draw import drawing_of
-from missions.trees.drawing import Drawing
-from missions.trees.tree_json import FORMAT, from_json, schema, to_json
+from missions.trees.drawing import FORMAT, Drawing, from_json, schema, to_json
 from tests.cases import each
 from tests.missions.command import command
 from tests.missions.views.pictures.drawn import DRAWINGS, plan_of

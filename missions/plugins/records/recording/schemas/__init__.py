@@ -2,8 +2,7 @@
 
 import json
 
-from missions.plugins.records.recording.schemas.foxglove import FOXGLOVE
-from missions.plugins.records.recording.schemas.ours import OURS
+from missions.plugins.records.recording.schemas.ours import FOXGLOVE, OURS
 
 
 def schema(name: str) -> bytes:

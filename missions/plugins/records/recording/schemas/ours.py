@@ -2,22 +2,179 @@
 
 from collections.abc import Mapping
 
-from missions.plugins.records.recording.schemas.shapes import (
-    TIME,
-    Schema,
-    choice,
-    closed,
-    flag,
-    listing,
-    named,
-    number,
-    of,
-    opened,
-    or_null,
-    real,
-    text,
-    whole,
-)
+# The parts that the schemas of messages are made of.
+
+Schema = dict[str, object]
+"""A JSON Schema."""
+
+
+def of(kind: str, about: str = "", **more: object) -> Schema:
+    """Return what a value of a kind of JSON is."""
+    return ({"description": about} if about else {}) | {"type": kind} | more
+
+
+def text(about: str = "") -> Schema:
+    """Return a text."""
+    return of("string", about)
+
+
+def number(about: str = "") -> Schema:
+    """Return a finite number."""
+    return of("number", about)
+
+
+def whole(about: str = "", **bounds: int) -> Schema:
+    """Return a whole number."""
+    return of("integer", about, **bounds)
+
+
+def flag(about: str) -> Schema:
+    """Return true or false."""
+    return of("boolean", about)
+
+
+def or_null(schema: Schema) -> Schema:
+    """Return what may be null, too."""
+    kinds = schema["type"] if isinstance(schema["type"], list) else [schema["type"]]
+    return schema | {"type": [*kinds, "null"]}
+
+
+def real(about: str) -> Schema:
+    """Return a number that need not be finite."""
+    pattern = {"pattern": "^(nan|-?inf)$"}
+    return {"description": f'{about} Not finite: "nan", "inf" or "-inf".', "type": ["number", "string"], **pattern}
+
+
+def choice(about: str, *words: str) -> Schema:
+    """Return one of some words."""
+    return {"description": about, "enum": [*words]}
+
+
+def listing(about: str, items: Schema, **more: object) -> Schema:
+    """Return a list."""
+    return of("array", about, items=items, **more)
+
+
+def named(about: str, each: Schema) -> Schema:
+    """Return values under names of their own."""
+    return of("object", about, additionalProperties=each)
+
+
+def opened(about: str, /, **members: Schema) -> Schema:
+    """Return an object that may have other members too."""
+    return of("object", about, properties=members, required=[*members])
+
+
+def closed(about: str, /, **members: Schema) -> Schema:
+    """Return an object that has no other members."""
+    return opened(about, **members) | {"additionalProperties": False}
+
+
+def numbers(about: str, names: str) -> Schema:
+    """Return an object of numbers that have a letter each."""
+    return opened(about, **{name: number() for name in names})
+
+
+TIME = number("Seconds of the run.")
+"""When, in every message of ours."""
+
+
+# The messages that Foxglove knows (docs.foxglove.dev/docs/sdk/schemas), with fields of ours.
+
+
+def _colour(about: str) -> Schema:
+    return numbers(f"{about} 0..1.", "rgba")
+
+
+_TIME: Schema = {
+    "description": "When.",
+    "type": "object",
+    "title": "time",
+    "properties": {"sec": whole(minimum=0), "nsec": whole(minimum=0, maximum=999_999_999)},
+    "required": ["sec", "nsec"],
+}
+_PIXELS = numbers("Pixels from the top left corner.", "xy")
+_TURN = numbers("A turn, as a quaternion.", "xyzw")
+_POSE = opened("Place and turn.", position=numbers("Metres.", "xyz"), orientation=_TURN)
+
+
+FOXGLOVE: Mapping[str, Schema] = {
+    "foxglove.Log": opened(
+        "A line of the log.",
+        timestamp=_TIME,
+        level=whole("0 unknown, 1 debug, 2 info, 3 warning, 4 error, 5 fatal.", minimum=0, maximum=5),
+        message=text("The line."),
+        name=text("Who speaks: mission, voice or person."),
+        file=text("The mission."),
+        line=whole("Always 0."),
+        t=TIME,
+        kind=text("The level in words, or voice or person."),
+    ),
+    "foxglove.CompressedImage": opened(
+        "A picture.",
+        timestamp=_TIME,
+        frame_id=text("camera."),
+        data=of("string", "The file.", contentEncoding="base64"),
+        format=text("jpeg."),
+        t=TIME,
+        gaze=or_null(
+            opened(
+                "Where the camera looked, in the odometry frame; null where that was not known.",
+                yaw=real("Radians to the left."),
+                pitch=real("Radians downwards."),
+            )
+        ),
+    ),
+    "foxglove.ImageAnnotations": opened(
+        "What was found in a picture.",
+        circles=of("array", "None.", maxItems=0),
+        points=listing(
+            "Boxes.",
+            opened(
+                "",
+                timestamp=_TIME,
+                type=whole("2: a closed line.", minimum=0, maximum=4),
+                points=listing("", _PIXELS),
+                outline_color=_colour("Of the line."),
+                outline_colors=listing("", _colour("Of a stretch.")),
+                fill_color=_colour("Inside."),
+                thickness=number("Pixels."),
+            ),
+        ),
+        texts=listing(
+            "Words.",
+            opened(
+                "",
+                timestamp=_TIME,
+                position=_PIXELS,
+                text=text("The words."),
+                font_size=number("Pixels."),
+                text_color=_colour("Of the letters."),
+                background_color=_colour("Behind them."),
+            ),
+        ),
+    ),
+    "foxglove.FrameTransform": opened(
+        "Where one frame is in another.",
+        timestamp=_TIME,
+        parent_frame_id=text("The other."),
+        child_frame_id=text("The one."),
+        translation=numbers("Metres.", "xyz"),
+        rotation=_TURN,
+    ),
+    "foxglove.PoseInFrame": opened("Where the base is.", timestamp=_TIME, frame_id=text("odom."), pose=_POSE),
+    "foxglove.LaserScan": opened(
+        "A turn of the range finder.",
+        timestamp=_TIME,
+        frame_id=text("base."),
+        pose=_POSE,
+        start_angle=number("Of the first beam: radians, anticlockwise."),
+        end_angle=number("Of the last."),
+        ranges=listing("Metres, 0 where nothing came back.", number()),
+        intensities=listing("None.", number()),
+    ),
+}
+"""What a message of each schema holds, by its name."""
 
 
 def _percepts(about: str, /, **members: Schema) -> Schema:
