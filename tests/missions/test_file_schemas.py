@@ -137,10 +137,6 @@ def test_the_command_writes_each_of_them(capsys: pytest.CaptureFixture[str], tmp
     assert command(capsys, "schema", "records").code == 2
 
 
-def test_a_kind_may_be_said_as_a_flag(capsys: pytest.CaptureFixture[str]) -> None:
-    assert command(capsys, "schema", "--gesture").out == command(capsys, "schema", "gestures").out
-
-
 READ: Mapping[str, Callable[[Source], object]] = {
     "worlds": read_world,
     "robots": robot_of,

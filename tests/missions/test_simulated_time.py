@@ -239,4 +239,7 @@ def test_a_run_that_would_never_end_is_ended_and_says_what_it_is_at(
     assert ended.code == 130
     assert "interrupted after 90.0 s: still running after 90 s of simulated time: listen (line 4)" in ended.out
     assert "after 3600 s of simulated time" in command(capsys, *words).out
-    assert "--until is for simulated time" in command(capsys, *words, "--simulate", "wire", "--until", "1 h").err
+    assert (
+        "--physics and --until are for simulated time"
+        in command(capsys, *words, "--simulate", "wire", "--until", "1 h").err
+    )

@@ -14,6 +14,7 @@ import pytest
 from drivers.api import STILL, BaseState, Health, JointState, Pose2D, Quality, RangeScan, Reading
 from missions.executive.events import Ended, Logged, NodeChanged, VariableSet
 from missions.executive.tick_record import Answer, TickRecord
+from missions.plugins.records.recording import listing
 from missions.plugins.records.recording.head import Contents
 from missions.plugins.records.recording.items import Checked, Feedback, packed, unpacked
 from missions.plugins.records.recording.writer import RecordWriter, Sink
@@ -122,7 +123,7 @@ def test_a_moment_is_read_from_what_was_just_before_it(
     folder: Path, read: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = long(folder / "long.mcap", 400)
-    monkeypatch.setattr(looking_back, "BEFORE", path.stat().st_size / 20)
+    monkeypatch.setattr(listing, "BEFORE", path.stat().st_size / 20)
     read.clear()
     moment = moments.moment(Moment(name="long.mcap", t=200.3))
     assert moment["changed"] == {"1.1": ["failure", "", 200.0]}

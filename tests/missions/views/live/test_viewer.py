@@ -146,7 +146,7 @@ def test_what_is_printed_meanwhile_is_kept_back_and_comes_in_the_end() -> None:
 
 
 def test_the_process_of_a_view_loads_nothing_of_a_robot() -> None:
-    heavy = "{'cv2', 'py_trees', 'serial', 'numpy', 'behaviours', 'perception', 'config'}"
+    heavy = "{'cv2', 'py_trees', 'serial', 'numpy', 'behaviours', 'perception'}"
     loaded = "{name.partition('.')[0] for name in sys.modules}"
     program = f"import sys, missions.plugins.view.__main__; print({heavy} & {loaded})"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
