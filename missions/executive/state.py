@@ -37,10 +37,10 @@ class PartState:
         self._values = values
 
     def __getattr__(self, name: str) -> object:
-        values = vars(self).get("_values", {})  # a copy has none yet
-        if name not in values:
+        read = self.__dict__.get("_values", {}).get(name)  # a copy has none yet
+        if read is None:
             raise AttributeError(name)
-        return values[name]()
+        return read()
 
 
 BASE: Mapping[str, Callable[[BaseState], object]] = {

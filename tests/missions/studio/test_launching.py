@@ -32,7 +32,9 @@ def test_a_run_is_recorded_and_where_it_cannot_be_it_goes_on_and_says_so(served:
     with served.client(served.operator) as client:
 
         def said_at_its_start() -> str:
-            told = client.ask("start", mission="short.yaml", simulate="fast")["result"]
+            answer = client.ask("start", mission="short.yaml", simulate="fast")
+            assert "result" in answer, answer
+            told = answer["result"]
             assert "success" in ended(client, told["run"])
             return str(told["message"])
 
