@@ -248,12 +248,16 @@ class ArbitratedBase(ABC):
 
     @contextmanager
     def _stopping_on_error(self) -> Iterator[None]:
-        """Stop the actuators if a renewal fails, and raise the error again: else the last speed would go on."""
+        """Stop the actuators if a report or a renewal fails, and raise the error again: the last speed must not go on.
+
+        Setpoints from before are dropped: what the report said, such as a contact or a restart, is lost.
+        """
         try:
             yield
         except NotConnected:
             raise
         except BaseException:  # SystemExit too, as drivers.transport.link takes it
+            self._mux.stop()
             self._send_stop()
             raise
 

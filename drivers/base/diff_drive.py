@@ -286,7 +286,7 @@ class DiffDriveBase(ArbitratedBase):
     def received(self, data: bytes) -> None:
         """Parse reports, and respond to them at once."""
         now = self._bytes_at = self._clock.now()
-        with self._lock:
+        with self._lock, self._stopping_on_error():
             parsed = self.protocol.parse(data, now - self.protocol.timing.report_delay)
             if parsed.restarted is not None:
                 self._mux.on_report(now, restarted=True)

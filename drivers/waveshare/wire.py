@@ -14,7 +14,6 @@ A line has no checksum: a digit that is garbled on its way makes another number.
 
 import json
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any
 
 SPEED, HEARTBEAT, REPORT, FLOW, INTERVAL, ECHO = 1, 136, 130, 131, 142, 143
@@ -79,7 +78,7 @@ def read(line: bytes) -> Feedback | Echo | None:
 
 def _figure(found: dict[str, Any], name: str) -> float:
     value = found.get(name)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value) or abs(value) > MOST:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= MOST:
         raise ValueError(f"{name} is no figure")
     return float(value)
 

@@ -203,6 +203,30 @@ def test_an_error_of_the_multiplexer_stops_every_base(rig: BaseRig, part: str, m
     assert at - before < 0.15
 
 
+@pytest.mark.parametrize("kind", [WireBase, Waveshare, WaveRover, PiCar, Topics])
+def test_a_report_that_cannot_be_read_stops_the_base_at_once(kind: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = kind()
+    rig.start()
+    under_way(rig)
+    parse, failures = rig.device.protocol.parse, iter([True])
+
+    def lose(data: bytes, now: float) -> object:
+        found = parse(data, now)  # which may have told of a contact, or of a restart
+        if found.states and next(failures, False):
+            raise RuntimeError("broken")
+        return found
+
+    monkeypatch.setattr(rig.device.protocol, "parse", lose)
+    before = rig.truth().x
+    for _ in range(10):
+        rig.wait(0.02)
+    assert next(failures, None) is None
+    assert rig.device.steering().given == STILL
+    assert rig.truth().x - before < 0.03
+    rig.drive(0.2, 0.0, lambda: rig.device.steering().given == AHEAD)  # it goes on when it is commanded anew
+    rig.close()
+
+
 # --- scans that cannot be used ----------------------------------------------------------------------------------------
 
 

@@ -105,6 +105,7 @@ def test_a_report_is_read_as_the_vendors_firmware_writes_it(line: bytes, volts: 
         b'{"T":1001,"L":true,"R":0.2,"v":12}',
         b'{"T":1001,"L":"0.1","R":0.2,"v":12}',
         b'{"T":1001,"L":99999999,"R":0.2,"v":12}',
+        b'{"T":1001,"L":' + b"9" * 400 + b',"R":0.2,"v":12}',  # more than a float holds
         b'{"T":true}',
         b"[1001]",
         b"[" * 500,
