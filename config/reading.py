@@ -129,12 +129,24 @@ def read_regular_text(path: Path, most: int = 1_000_000) -> str:
     return read_regular(path, most).decode("utf-8")
 
 
-def parse_json(text: str | bytes) -> Any:
-    """Return the value of a JSON text. Raises ValueError, also for brackets that are nested too deep."""
+def parse_json(text: str | bytes, *, strict: bool = False) -> Any:
+    """Return the value of a JSON text. Raises ValueError, also for brackets that are nested too deep.
+
+    Where it is ``strict``, also for a member that is there twice: of these, Python keeps the last.
+    """
     try:
-        return json.loads(text)
+        return json.loads(text, object_pairs_hook=_unique if strict else None)
     except RecursionError as error:
         raise ValueError("nested too deep") from error
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in found if names.count(name) > 1)
+        raise ValueError(f"'{twice[:60]}' is there twice")
+    return found
 
 
 def parse_object(text: str | bytes) -> dict[str, Any]:

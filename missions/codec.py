@@ -157,11 +157,11 @@ def encode_word(message: Any, key: str, rules: Rules) -> dict[str, Any]:
 
 
 def parse(data: str | bytes, max_bytes: int) -> Any:
-    """Return the value of a JSON text of at most ``max_bytes``. Raises CodecError."""
+    """Return the value of a JSON text of at most ``max_bytes``, no member twice. Raises CodecError."""
     if len(data) > max_bytes:
         raise CodecError(f"{len(data)} bytes; at most {max_bytes} are read")
     try:
-        return parse_json(data)
+        return parse_json(data, strict=True)
     except ValueError as error:
         raise CodecError(f"no JSON: {error}"[:200]) from error
 

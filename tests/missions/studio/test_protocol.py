@@ -44,6 +44,8 @@ def test_a_command_comes_back_as_it_was_written() -> None:
         ("{", "no_json", "no JSON"),
         ("[" * 20_000, "no_json", "no JSON"),
         ("[1]", "no_json", "an object"),
+        ('{"do": "stop", "do": "release", "stop": 1}', "no_json", "'do' is there twice"),
+        ('{"do": "stop", "run": "1", "run": "2"}', "no_json", "'run' is there twice"),
         ('{"do": "stpo"}', "unknown_command", "'stpo'"),
         ('{"do": 5}', "unknown_command", "'5'"),
         ('{"do": "watch", "runn": "1"}', "bad_field", "'runn'"),
