@@ -18,6 +18,8 @@ from config.units import written
 from drivers.api import DeviceStatus
 from drivers.api.sections import Wired
 from drivers.clock import Clock, SystemClock
+from drivers.errors import BadRequest
+from drivers.transport.loop import guarded
 from missions.assembly.assembled import Assembled
 from missions.assembly.together import Hooks, Overrides
 from missions.executive.answers import Answers
@@ -101,6 +103,9 @@ class Runner:
         self.root, self.executive = self._executive(substitute)
         self._process = os.getpid()
         self._is_watched = limits is not None or not (order.is_batch and self._is_ours())
+        self._is_watching = False
+        self.is_reachable = False
+        """Whether a control socket serves this run, by which it can be stopped."""
         self._signals = Signals(self._request_stop, with_socket=self._is_watched)
         self._lifeline = Lifeline(self._signals)
 
@@ -220,11 +225,12 @@ class Runner:
 
         ``on_moment`` gets the record of each tick, with all input from outside; ``on_view`` what perception finds, and
         ``on_frame`` each picture that it has searched, on the threads of the eyes.
+        One that raises is logged once; the run goes on.
         """
         if on_moment is not None:
-            self.executive.observe(on_moment)
-        self._on_view.append(on_view)
-        self._on_frame.append(on_frame)
+            self.executive.observe(guarded(on_moment))
+        self._on_view.append(guarded(on_view))
+        self._on_frame.append(guarded(on_frame))
 
     def report(self, notice: DeviceStatus) -> None:
         """Take notice of a device, as of one of the robot's own."""
@@ -276,24 +282,30 @@ class Runner:
     @contextmanager
     def _watching(self) -> Iterator[None]:
         """Have the watchdog look while this is entered; where nothing can hang, from the first signal on."""
+        self._is_watching = True
         try:
             if self._is_watched:
                 self.watchdog.start()
             yield
         finally:
+            self._is_watching = False  # before the stop: a watchdog that is started later ends the process
             self.watchdog.stop()
 
     def _request_stop(self, word: str) -> None:
         self.executive.stop(word)
-        with suppress(RuntimeError):  # Python in a browser has no threads
-            self.watchdog.start()
+        if self._is_watching:
+            with suppress(RuntimeError):  # Python in a browser has no threads
+                self.watchdog.start()
 
     @contextmanager
     def ready(self) -> Iterator[None]:
         """Open the robot and wait for its parts; in the end bring it to rest and close it, whatever happened.
 
-        Raises NotConnected with all parts that do not appear.
+        Raises NotConnected with all parts that do not appear, and BadRequest for hardware that no stop can reach.
         """
+        if self.order.simulation is None and not (self.is_reachable or self.order.without_stop):
+            what = f"mission '{self.plan.mission}': `mission stop` cannot reach this run, and the robot would move"
+            raise BadRequest(what, hint="run it by missions.run or `mission run`, or within a ControlSocket")
         self._context.beat()
         try:
             self._robot.open()

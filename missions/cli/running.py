@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from functools import partial
 from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
 import click
@@ -98,7 +99,7 @@ def _run(
         runner.twins.timeline.at(until, partial(_end, runner, until))
     with ExitStack() as closing:
         for context in contexts:
-            closing.enter_context(context(session))
+            _enter(context(session), closing)
         control = _control(runner) if reachable else None
         reading: AbstractContextManager[None] = nullcontext()
         read = [sys.stdout, session.out, *session.watched]
@@ -112,6 +113,16 @@ def _run(
             loading.close()
             settle()
             return runner.run()
+
+
+def _enter(context: AbstractContextManager[object], closing: ExitStack) -> None:
+    """Enter a context of a plug-in, which cannot keep back what ends the run."""
+    context.__enter__()
+
+    def leave(kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        context.__exit__(kind, error, trace)
+
+    closing.push(leave)
 
 
 def _control(runner: Runner) -> "ControlSocket":

@@ -276,11 +276,13 @@ class ControlSocket:
         self.outlet.wake = self._pictures.wake = self._wake
         self._thread = Thread(target=self._serve, name="control", daemon=True)
         self._thread.start()
+        self._runner.is_reachable = True
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._runner.is_reachable = False
         if self._thread is not None:
             self._ending = True
             self._wake()

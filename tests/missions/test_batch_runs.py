@@ -5,13 +5,21 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from io import StringIO
 from math import inf
 from pathlib import Path
+from typing import Any
 
 import pytest
 from py_trees.common import Status
 
 from behaviours.leaf import Leaf
+from drivers.errors import BadRequest, NotConnected
+from missions.assembly.assembled import Assembled
+from missions.cli.running import run
+from missions.executive.executive import Result
 from missions.language.plan import Step
 from missions.request import RunRequest
 from missions.runner import Runner
@@ -47,6 +55,53 @@ def test_a_closed_output_ends_a_batch_run(tmp_path: Path) -> None:
         run.stdout.readline()
         run.stdout.close()
         assert run.wait() == 130
+
+
+@pytest.mark.parametrize("eyes", ["truth", "pixels"])
+def test_a_signal_after_the_last_tick_starts_no_watchdog(eyes: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    @contextmanager
+    def ending(_: object) -> Iterator[None]:
+        yield
+        signal.raise_signal(signal.SIGINT)  # the robot is closed, the signals are still ours
+
+    monkeypatch.setattr("missions.runner.logging_to", ending)
+    request = RunRequest("look_around", robot="turtlebot2_arm", simulate="fast", eyes=eyes)
+    ended: list[Result] = []
+    assert Runner(request, give_up=ended.append).run().result == "success"
+    assert "watchdog" not in [thread.name for thread in threading.enumerate()]  # it would end the process, 2 s later
+    assert not ended
+
+
+def test_hardware_without_a_control_socket_is_not_opened(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr(Assembled, "open", lambda robot: opened.append(robot.name))
+    for request in (RunRequest("wander", robot="turtlebot2"), RunRequest("greet", robot="turtlebot2_arm")):
+        with pytest.raises(BadRequest, match="`mission stop` cannot reach this run"):
+            Runner(request).run()
+    assert not opened
+
+
+def test_a_plug_in_cannot_keep_back_what_ends_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_: object) -> None:
+        raise NotConnected("base: gone")
+
+    monkeypatch.setattr(Assembled, "open", fail)
+    request = RunRequest("look_around", robot="turtlebot2_arm", simulate="fast", eyes="truth")
+    contexts = [lambda _: suppress(Exception)]
+    with pytest.raises(NotConnected, match="base: gone"):
+        run(request, StringIO(), lambda _: None, contexts=contexts)
+
+
+@pytest.mark.parametrize("observed", ["on_moment", "on_view", "on_frame"])
+@pytest.mark.parametrize("eyes", ["truth", "pixels"])
+def test_an_observer_that_raises_changes_nothing(observed: str, eyes: Any) -> None:
+    results = []
+    none: dict[str, Any] = {}
+    for observers in (none, {observed: lambda *_: 1 // 0}):
+        runner = Runner(RunRequest("greet", robot="turtlebot2_arm", simulate="fast", eyes=eyes))
+        runner.observe(**observers)
+        results.append(runner.run())
+    assert results[0] == results[1]
 
 
 class Spy(Leaf):
