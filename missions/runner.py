@@ -85,6 +85,7 @@ class Runner:
     ) -> None:
         self.order = order
         self.config = robot_of(order)
+        self._observers: tuple[object, ...] = ()
         self._on_view: list[Callable[[View], None]] = []
         self._on_frame: list[Callable[[Frame, Gaze | None], None]] = []
         self.plan: Plan = load(order, self.config) if plan is None else plan
@@ -227,6 +228,7 @@ class Runner:
         ``on_frame`` each picture that it has searched, on the threads of the eyes.
         One that raises is logged once; the run goes on.
         """
+        self._observers += (on_moment, on_view, on_frame)
         if on_moment is not None:
             self.executive.observe(guarded(on_moment))
         self._on_view.append(guarded(on_view))
@@ -253,6 +255,9 @@ class Runner:
         """
         if self.twins is None:  # in simulated time all is told at once, in the one order that there is
             self.stream.open()
+        # Listeners and observers of plug-ins have come since this was made.
+        self._is_watched |= not all(map(_is_ours, (*self.stream.listeners, *self._observers)))
+        self._signals.with_socket = self._is_watched
         self.executive.tell_start(file=self.plan.source.name, robot=self._robot.name, params=self.plan.params)
         result = Result(self.plan.mission, "error", "", 0.0, 0)
         self._process = os.getpid()
@@ -277,7 +282,7 @@ class Runner:
     def _is_ours(self) -> bool:
         """Return True if all leaves and devices are MissionTree's own: they never hold up a tick in simulated time."""
         parts = [*(node for node in self.root.iterate() if isinstance(node, Leaf)), *self._robot.devices.values()]
-        return all(type(part).__module__.partition(".")[0] in OURS for part in parts)
+        return all(map(_is_ours, parts))
 
     @contextmanager
     def _watching(self) -> Iterator[None]:
@@ -350,6 +355,14 @@ class Runner:
             log.error("%s", problem)
             part, _, detail = problem.partition(": ")
             self.stream.emit(FaultRaised(self.executive.time(), part, "fault", detail))
+
+
+def _is_ours(part: object) -> bool:
+    """Return True if a leaf, a device or a listener is MissionTree's own, or built into Python."""
+    while isinstance(part, partial):
+        part = part.func
+    module = getattr(part, "__module__", None)
+    return module is None or module.partition(".")[0] in OURS
 
 
 def robot_of(order: RunRequest) -> RobotConfig:

@@ -38,7 +38,7 @@ class Signals:
 
     def __init__(self, stop: Callable[[str], None], *, with_socket: bool = True) -> None:
         self._stop = stop
-        self._with_socket = with_socket
+        self.with_socket = with_socket
         self._entered = False
         self._word: str | None = None
         self._reader: socket.socket | None = None
@@ -49,7 +49,7 @@ class Signals:
     def __enter__(self) -> Self:
         if threading.current_thread() is not threading.main_thread():
             return self
-        if self._with_socket:
+        if self.with_socket:
             self._reader, self._writer = socket.socketpair()
             for end in (self._reader, self._writer):
                 end.setblocking(False)
@@ -93,14 +93,14 @@ class Signals:
         taken = [number for number in FAREWELL if _signal.getsignal(number) != self._request]
         for number in taken:
             signal.signal(number, self._request)
-        if taken and self._with_socket:
+        if taken and self.with_socket:
             signal.set_wakeup_fd(self._writer.fileno(), warn_on_full_buffer=False)
         return [number.name for number in taken]
 
     def _request(self, number: int, frame: FrameType | None) -> None:
         del frame
         word = FAREWELL[signal.Signals(number)]
-        if not self._with_socket:
+        if not self.with_socket:
             self._word = self._word or word
         self._stop(word)
 

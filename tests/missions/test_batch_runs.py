@@ -7,6 +7,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from io import StringIO
 from math import inf
 from pathlib import Path
@@ -126,6 +127,27 @@ def test_only_leaves_of_others_are_watched(monkeypatch: pytest.MonkeyPatch, leaf
     request = RunRequest("look_around", robot="turtlebot2_arm", simulate="fast", eyes="truth")
     Runner(request, substitute=put_spies).run()
     assert ("watchdog" in Spy.seen) == watched
+
+
+@pytest.mark.parametrize(("module", "watched"), [("missions.cli.live", False), ("my_plugin", True)])
+@pytest.mark.parametrize("way", ["listener", "partial", "observer"])
+def test_listeners_of_others_are_watched(module: str, watched: bool, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    sockets: list[bool] = []  # by which a signal is heard while a listener is stuck in C
+
+    def listen(*_: object) -> None:
+        sockets.append(runner._signals.number is not None)
+
+    monkeypatch.setattr(Spy, "__module__", "behaviours")
+    listen.__module__ = module
+    request = RunRequest("look_around", robot="turtlebot2_arm", simulate="fast", eyes="truth")
+    runner = Runner(request, substitute=put_spies)
+    if way == "observer":
+        runner.observe(listen)
+    else:  # as a plug-in does it, once the runner is there
+        runner.stream.listeners.append(partial(listen) if way == "partial" else listen)
+    runner.run()
+    assert ("watchdog" in Spy.seen) == watched
+    assert any(sockets) == watched
 
 
 @pytest.mark.parametrize(
