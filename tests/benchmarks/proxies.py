@@ -18,7 +18,7 @@ from typing import Any
 
 from behaviours.basics import Succeed
 from behaviours.robot import Robot
-from drivers.api import STILL, BaseLimits, Coupling, HeadPose, Lamp, Mood, Tune, Velocity
+from drivers.api import STILL, BaseLimits, Coupling, HeadPose, Mood, Velocity
 from missions.executive.answers import Answers
 from missions.executive.asked import asked
 from tests.benchmarks.table import Row, compare
@@ -35,9 +35,6 @@ CALLS: Mapping[str, Mapping[str, tuple[Any, ...] | None]] = {
         "stop": (),
         "latch": ("enough",),
         "enable": (),
-        "play": (Tune.ON,),
-        "tone": (440.0, 0.1),
-        "light": (1, Lamp.RED),
         "rest": (),
         "state": (),
         "steering": (),
@@ -84,6 +81,7 @@ class Still:
         for member, arguments in CALLS[part].items():
             answer = ANSWERS.get(member)
             setattr(self, member, answer if arguments is None else self._answering(answer))
+        self.sounds = self.lights = self.legs = None
         for member in ("open", "close", "rest", "health"):
             if not hasattr(self, member):
                 setattr(self, member, self._answering(None))
