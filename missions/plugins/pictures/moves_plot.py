@@ -11,10 +11,6 @@ from matplotlib.figure import Figure
 from config.reading import whole_file
 from drivers.api import JointLimits
 
-# Figures of Matplotlib in files.
-
-NO_PLOTS = "a picture needs Matplotlib: pip install 'missiontree[plots]'"
-
 
 def save_figure(figure: "Figure", path: Path, dpi: int, mode: int | None = None) -> Path:
     """Write a figure in the form that the name of the file ends in, whole or not at all; return its path.

@@ -7,6 +7,9 @@ from math import sqrt
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+NO_PLOTS = "a picture needs Matplotlib\n  try: pip install 'missiontree[plots]'"
+"""The error message for plots without the extra."""
+
 ZOOM = 2.0
 """Pixels of a PNG to a unit of the SVG."""
 

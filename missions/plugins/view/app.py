@@ -16,7 +16,8 @@ from textual.widgets import Input, RichLog, Static, Tree
 from drivers.clock import Clock
 from missions.cli.printable import all_printable
 from missions.plugins.view import panels
-from missions.plugins.view.panels import Message, NodeTree, Scene
+from missions.plugins.view.node_tree import Message, NodeTree
+from missions.plugins.view.panels import Scene
 from missions.trees.drawing import Box, from_json
 
 SILENCE = 2.0

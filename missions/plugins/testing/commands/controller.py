@@ -14,7 +14,7 @@ from missions.cli.commands import LazyGroup
 from missions.cli.names import CONTROLLER
 from missions.cli.numbers import Whole
 from missions.cli.outputs import writing
-from missions.plugins.pictures.moves_plot import NO_PLOTS
+from missions.plugins.pictures.png import NO_PLOTS
 from missions.plugins.testing.controllers.bench import (
     COMPARED,
     CONTROLLERS,
