@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from py_trees.common import Status
 
+from behaviours.clearance import Lookout, free_way, safe_speed
 from behaviours.driving.motion import BRAKING, HELD_OFF, REACTION, Way, disobeyed, held_up, obstacle
 from behaviours.leaf import SUCCESS, Leaf, argument
 from behaviours.robots import worn_by
@@ -15,7 +16,6 @@ from behaviours.sight import KEPT, chosen, may_be
 from behaviours.tracking.follow import Follower
 from behaviours.tracking.fuzzy import RuleBases
 from behaviours.tracking.lag import Turning
-from behaviours.wander import Lookout, free_way, safe_speed
 from drivers.api import COMMAND_LIFE, STILL, BaseState, HeadPose, Steering, Velocity, is_guarded
 from perception.api import Face, Marker, Percept, Thing, Wanted
 

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.wander import CELL, MARGIN, Lookout, Points, Visited, free_way, places, safe_speed, turned
+from behaviours.clearance import MARGIN, Lookout, Points, free_way, places, safe_speed, turned
+from behaviours.wander import CELL, Visited
 from drivers.api import BASE_RADIUS, BaseState, Pose2D, RangeScan, Velocity
 from missions.plugins.testing.recorders import Bench, none
 

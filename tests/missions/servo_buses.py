@@ -223,7 +223,7 @@ class Table:
         bench = "missions.plugins.setup.servo.bench"
         patch.setattr(f"{bench}.Bus", partial(Bus, dial=self.line.dial))
         patch.setattr(f"{bench}.SystemClock", lambda: self.clock)
-        for module in ("bench", "until", "drive"):
+        for module in ("bench", "drive"):
             patch.setattr(f"missions.plugins.setup.servo.{module}.pause", self.pause)
         patch.setattr("missions.plugins.setup.servo.bench.Keys", self.keys)
         patch.setattr("sys.stdin", Typing())

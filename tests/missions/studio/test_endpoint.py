@@ -28,11 +28,11 @@ def found() -> Iterator[Endpoint]:
     yield made
     made.close()
     selector.close()
-    assert found_of(os.getpid()) == []
+    assert found_of(int(RUN)) == []
 
 
 def addresses() -> list[str]:
-    (run,) = found_of(os.getpid())
+    (run,) = found_of(int(RUN))
     return [str(each) for each in run.addresses]
 
 
