@@ -93,10 +93,11 @@ class Launcher:
         run = str(process.pid)
         for _ in range(int(BEGIN_TIME / PERIOD)):
             self._check_unstopped(stops, process)
-            if process.poll() in RAN or is_listed(run):
+            code = process.poll()  # once: a short run may end between two looks
+            if code in RAN or is_listed(run):
                 told = (self._ended.get(run) or _last(said)).splitlines()
                 return {"run": run, "message": "\n".join(line for line in told if line.startswith("mission: "))}
-            if process.poll() is not None:
+            if code is not None:
                 raise BadMessage("cannot_start", await self.last_words(run))
             await asyncio.sleep(PERIOD)
         process.terminate()

@@ -16,23 +16,26 @@ from missions.control.messages import Run
 from missions.control.places import places
 from tests.missions.studio.running import found_of
 
-RUN = str(os.getpid())
+
+def run_id() -> str:
+    """Return the name of the run; not a constant, since workers are forked after the tests were collected."""
+    return str(os.getpid())
 
 
 @pytest.fixture
 def found() -> Iterator[Endpoint]:
     selector = selectors.DefaultSelector()
-    made = Endpoint(selector, Run(run=RUN, pid=os.getpid(), mission="m", robot="r", simulated="", began=0.0))
+    made = Endpoint(selector, Run(run=run_id(), pid=os.getpid(), mission="m", robot="r", simulated="", began=0.0))
     made.turn(0.0)
     assert made.trouble == ""
     yield made
     made.close()
     selector.close()
-    assert found_of(int(RUN)) == []
+    assert found_of(os.getpid()) == []
 
 
 def addresses() -> list[str]:
-    (run,) = found_of(int(RUN))
+    (run,) = found_of(os.getpid())
     return [str(each) for each in run.addresses]
 
 
@@ -66,38 +69,38 @@ def drain(run: Endpoint) -> None:
 def test_a_run_has_a_socket_file_an_abstract_socket_and_notes_in_all_folders(
     found: Endpoint,  # noqa: ARG001 - which has made them
 ) -> None:
-    assert addresses() == [str(sockets.path_of(RUN)), abstract.name_of(RUN, "run", simulated=False).address]
-    assert all((place.folder / f"{RUN}.note").exists() for place in places())
+    assert addresses() == [str(sockets.path_of(run_id())), abstract.name_of(run_id(), "run", simulated=False).address]
+    assert all((place.folder / f"{run_id()}.note").exists() for place in places())
 
 
 @pytest.mark.parametrize("what", ["sock", "note"])
 def test_what_is_removed_is_made_again(found: Endpoint, what: str) -> None:
     for place in places():
-        (place.folder / f"{RUN}.{what}").unlink(missing_ok=True)
+        (place.folder / f"{run_id()}.{what}").unlink(missing_ok=True)
     found.turn(CHECK_INTERVAL)
     drain(found)
-    assert (sockets.socket_folder() / f"{RUN}.{what}").exists()
-    assert answers(sockets.path_of(RUN), found)
+    assert (sockets.socket_folder() / f"{run_id()}.{what}").exists()
+    assert answers(sockets.path_of(run_id()), found)
 
 
 def test_a_folder_that_has_gone_is_made_again_or_another_one_is_used(found: Endpoint) -> None:
     first, second = places()[:2]
     shutil.rmtree(first.folder)
     found.turn(CHECK_INTERVAL)
-    assert (first.folder / f"{RUN}.sock").exists()
+    assert (first.folder / f"{run_id()}.sock").exists()
     drain(found)
     shutil.rmtree(first.folder)
     first.folder.write_text("in the way", encoding="utf-8")
     found.turn(2 * CHECK_INTERVAL)
     drain(found)
-    assert answers(second.folder / f"{RUN}.sock", found)
-    assert str(second.folder / f"{RUN}.sock") in addresses()
+    assert answers(second.folder / f"{run_id()}.sock", found)
+    assert str(second.folder / f"{run_id()}.sock") in addresses()
     assert found.trouble == ""
     first.folder.unlink()
 
 
 def test_a_socket_in_the_place_of_its_own_is_replaced(found: Endpoint) -> None:
-    path = sockets.path_of(RUN)
+    path = sockets.path_of(run_id())
     path.unlink()
     with socket.socket(socket.AF_UNIX) as thief:
         thief.bind(str(path))
@@ -112,7 +115,7 @@ def test_a_listener_that_was_closed_is_replaced(found: Endpoint) -> None:
         listener.shutdown(socket.SHUT_RDWR)
     found.turn(CHECK_INTERVAL)
     drain(found)
-    assert answers(sockets.path_of(RUN), found)
+    assert answers(sockets.path_of(run_id()), found)
 
 
 @pytest.mark.parametrize("number", [errno.EMFILE, errno.ENFILE, errno.EAGAIN])
@@ -129,7 +132,7 @@ def test_a_run_that_cannot_look_keeps_what_it_has(
         found.turn(CHECK_INTERVAL)
     assert found.listeners == before
     drain(found)
-    assert answers(sockets.path_of(RUN), found)
+    assert answers(sockets.path_of(run_id()), found)
 
 
 def test_a_full_disk_leaves_a_trouble_and_room_takes_it_away(found: Endpoint, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -143,13 +146,13 @@ def test_a_full_disk_leaves_a_trouble_and_room_takes_it_away(found: Endpoint, mo
         found.turn(CHECK_INTERVAL)
         assert "No space left on device" in found.trouble
         drain(found)
-        assert answers(abstract.name_of(RUN, "run", simulated=False).address, found)  # which needs no disk
+        assert answers(abstract.name_of(run_id(), "run", simulated=False).address, found)  # which needs no disk
     found.turn(2 * CHECK_INTERVAL)
     assert found.trouble == ""
 
 
 def test_the_selector_waits_for_the_sockets_that_there_are_now(found: Endpoint) -> None:
-    sockets.path_of(RUN).unlink()
+    sockets.path_of(run_id()).unlink()
     found.turn(CHECK_INTERVAL)
     registered = {key.fileobj for key in found._selector.get_map().values() if key.data is LISTENER}
     assert registered == set(found.listeners)

@@ -35,7 +35,8 @@ def test_a_run_is_recorded_and_where_it_cannot_be_it_goes_on_and_says_so(served:
             answer = client.ask("start", mission="short.yaml", simulate="fast")
             assert "result" in answer, answer
             told = answer["result"]
-            assert "success" in ended(client, told["run"])
+            why = ended(client, told["run"])
+            assert "success" in why, (why, told)
             return str(told["message"])
 
         assert said_at_its_start() == ""
