@@ -65,7 +65,7 @@ test: $(OTHERS_STAMP) ## what CI runs: the checks, and every test
 	wait $$checks; checks=$$?; cat $(VENV)/checked.txt; test $$tests = 0 && test $$checks = 0
 
 tested: $(OTHERS_STAMP) $(PYODIDE_STAMP)
-	$(TESTED) --workers $$(( 4 * $$(nproc) )) --real-time-workers $$(( $$(nproc) + 2 )) --durations 10 --durations-min 1
+	$(TESTED) --workers $$(( 2 * $$(nproc) + 1 )) --real-time-workers $$(( $$(nproc) + 2 )) --durations 10 --durations-min 1
 
 fuzz: $(OTHERS_STAMP) ## all of the campaigns, then the tests with random examples, new ones at each run, ten times over
 	TRIES=most $(TESTED) -q --workers $$(nproc) $$(grep -rlE 'tries\(.*most=' tests --include='test_*.py')

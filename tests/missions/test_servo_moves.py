@@ -184,6 +184,7 @@ def test_where_nothing_moved_nothing_is_written(robot: Three, mission: Mission) 
     assert all(each.limp for each in robot.bus.servos)
 
 
+@pytest.mark.real_time
 def test_an_arm_that_is_unplugged_ends_the_recording_with_a_word(
     robot: Three, mission: Mission, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -440,6 +440,7 @@ def test_a_slow_tick_does_not_let_the_base_drive_on_at_its_old_speed(tmp_path: P
         held.close()
 
 
+@pytest.mark.real_time
 def test_a_run_whose_leaf_ignores_the_signals_is_ended_by_them_all_the_same(tmp_path: Path) -> None:
     held = Held(tmp_path, "deaf")
     try:

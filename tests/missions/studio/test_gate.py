@@ -404,7 +404,9 @@ def test_with_a_certificate_it_speaks_tls_and_its_cookie_stays_on_it(certificate
         connection = HTTPSConnection("127.0.0.1", served.port, context=trusting, timeout=PATIENCE)
         with closing(connection):
             connection.request("GET", f"/?token={served.operator}")
-            assert "Secure" in (connection.getresponse().getheader("set-cookie") or "")
+            with connection.getresponse() as response:  # unread, it would keep the socket open
+                assert "Secure" in (response.getheader("set-cookie") or "")
+                response.read()
         headers = {"Authorization": f"Bearer {served.operator}"}
         with connect(f"wss://{served.host}/ws", additional_headers=headers, ssl=trusting) as client:
             client.send('{"do": "hello", "version": "2"}')

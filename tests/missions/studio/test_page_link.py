@@ -92,6 +92,7 @@ def has_opened(network: Lossy, number: int) -> bool:
     return network.sockets == number
 
 
+@pytest.mark.real_time
 def test_stop_comes_over_whichever_of_its_three_connections_loses_nothing(
     browser: Browser, served: Served, tmp_path: Path
 ) -> None:
