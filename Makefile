@@ -57,7 +57,7 @@ demo: $(DEMO_STAMP) ## a simulated TurtleBot looks for a face, tracks it and gre
 	$(BIN)/mission run greet --simulate --robot turtlebot2_arm
 
 # Tests start hundreds of processes: where the environment forbids to keep what Python compiles, each would do it anew.
-# Many wait for real time, so there are four workers to a core; those with deadlines of their own come at last, with fewer.
+# Many wait for real time, so there are two workers to a core, and one; those with deadlines of their own come at last, with fewer.
 TESTED = PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -p no:xdist -p tests.workers
 test: $(OTHERS_STAMP) ## what CI runs: the checks, and every test
 	@nice -n 19 $(MAKE) check > $(VENV)/checked.txt 2>&1 & checks=$$!; \

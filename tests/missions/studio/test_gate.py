@@ -397,6 +397,8 @@ def test_no_header_of_a_proxy_lets_anybody_in(served: Served) -> None:
     assert served.get("/", Host="other.example", **{"X-Forwarded-Host": served.host})[0] == 403
 
 
+# The TLS client drops its socket once it has said that it is closed, and Python calls that unclosed.
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
 def test_with_a_certificate_it_speaks_tls_and_its_cookie_stays_on_it(certificate: tuple[Path, Path]) -> None:
     with studio("--certificate", str(certificate[0]), "--key", str(certificate[1])) as served:
         assert "https://" in served.process.lines[0]
