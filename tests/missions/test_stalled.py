@@ -113,7 +113,7 @@ def test_a_behaviour_that_holds_up_the_tick_of_a_mission_leaves_the_base_at_rest
     terminal = Terminal("kobuki", witness, clock)
     terminal.open()
     try:
-        order = RunRequest(str(mission), robot=LONE_ROBOT, ports={"base": terminal.path})
+        order = RunRequest(str(mission), robot=LONE_ROBOT, ports={"base": terminal.path}, without_stop=True)
         assert Runner(order, substitute=lambda *_: stalling).run().result == "failure"
     finally:
         terminal.close()
