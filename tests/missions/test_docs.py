@@ -150,6 +150,12 @@ def test_every_link_of_the_docs_leads_to_a_page() -> None:
             assert (page.parent / link).is_file(), f"{page.name}: {link}"
 
 
+def test_the_index_lists_every_page() -> None:
+    index = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
+    linked = re.findall(r"^- \[[^]]+\]\(([\w.]+)\):", index, re.MULTILINE)
+    assert sorted(linked) == sorted(page.name for page in PAGES if page.name != "README.md")
+
+
 # Missions
 
 

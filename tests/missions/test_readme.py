@@ -1,4 +1,4 @@
-"""The README is true: each of its commands does what it says, and each of its files loads."""
+"""Each command of the README and of the pages that continue it works, and each of their files loads."""
 
 import fcntl
 import os
@@ -26,27 +26,37 @@ from missions.library.shipped import load_mission
 from tests.missions.command import Process, command
 from tests.perception.people_drawn import pictures
 
-README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+PAGES = ("README.md", "docs/running.md", "docs/missions.md", "docs/editor.md")
+"""The README, and the pages that continue it."""
+
+TEXT = "".join((ROOT / page).read_text(encoding="utf-8") for page in PAGES)
+
+MAX_WORDS = 800
+"""The length of the README."""
+
+MAX_FILM_BYTES = 1_500_000
 
 
 def commands() -> Iterator[str]:
-    """Yield every `mission ...` line of the README's console blocks, without its comment."""
-    for block in re.findall(r"```console\n(.*?)```", README, re.DOTALL):
+    """Yield every `mission ...` line of the pages' console blocks, without its comment."""
+    for block in re.findall(r"```console\n(.*?)```", TEXT, re.DOTALL):
         for line in block.splitlines():
             if line.startswith("$ mission "):
                 yield line.removeprefix("$ mission ").split(" #")[0].strip()
 
 
 def files() -> Iterator[tuple[str, str]]:
-    """Yield the YAML files that the README shows, by the name it gives them."""
-    for block in re.findall(r"```yaml\n(.*?)```", README, re.DOTALL):
-        kind, name = block.split()[:2]
-        yield name + (".test.yaml" if kind == "tests:" else ".yaml"), block
+    """Yield the YAML files that the pages show, by the name that they give them."""
+    for block in re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL):
+        yield f"{block.split()[1]}.yaml", block
 
 
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The record that the README speaks of."""
+    """The record that the pages mention."""
     path = tmp_path_factory.mktemp("records") / "monday.mcap"
     asked = ("run", "greet", "--simulate", "fast", "--eyes", "truth", "--record", str(path))
     assert guarded(lambda: mission.main(list(asked), standalone_mode=False)) == 0
@@ -55,10 +65,12 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the files that the README speaks of: its own, photos and a video of people."""
+    """A folder with the files that the pages mention: missions, a robot, photos and a video of people."""
     folder = tmp_path_factory.mktemp("made")
     for name, text in files():
         (folder / name).write_text(text)
+    testing = (ROOT / "docs" / "testing.md").read_text(encoding="utf-8")
+    (folder / "greet.test.yaml").write_text(re.findall(r"```yaml\n(# greet.test.yaml.*?)```", testing, re.DOTALL)[0])
     picture = cv2.cvtColor(skimage.data.astronaut(), cv2.COLOR_RGB2BGR)
     cv2.imwrite(str(folder / "photo.jpg"), picture)
     scene = cv2.copyMakeBorder(picture, 0, 0, 64, 64, cv2.BORDER_REPLICATE)[:480]
@@ -95,18 +107,32 @@ def test_a_shell_would_hand_these_words_on() -> None:
     assert words('person add "Anna B" photos/anna*.jpg') == ["person", "add", "Anna B", *photos]
 
 
-def test_the_readme_has_commands_and_files() -> None:
-    assert len(list(commands())) > 15
-    assert {name for name, _ in files()} == {"greet.yaml", "greet.test.yaml", "my_robot.yaml", "to_and_fro.yaml"}
+def test_the_pages_have_commands_and_files() -> None:
+    assert len(list(commands())) > 50
+    names = {"greet.yaml", "first.yaml", "my_robot.yaml", "there_and_back.yaml", "say_it_to_somebody.yaml"}
+    assert {name for name, _ in files()} == names
+
+
+def test_the_readme_is_short_and_names_the_first_chores() -> None:
+    assert len(README.split()) <= MAX_WORDS
+    assert "make demo" in README
+    assert "make test" in README
+
+
+def test_the_film_is_animated_and_small() -> None:
+    film = ROOT / "docs" / "studio" / "greet.webp"
+    assert film.stat().st_size < MAX_FILM_BYTES
+    assert f"docs/studio/{film.name}" in README
+    assert b"ANIM" in film.read_bytes()[:64]
 
 
 def of_kind(line: str) -> str:
-    """Return what this command needs in order to be tried."""
+    """Return what a test of this command needs."""
     kinds = {"simulate": "devices", "hear": "microphone", "studio": "page"}
     return "terminal" if line.endswith("--view") else kinds.get(line.split(maxsplit=1)[0], "nothing")
 
 
-PACED = "run to_and_fro.yaml --json"
+PACED = "run there_and_back.yaml --json"
 """The command that is tried in real time, as whoever types it sees it; so is the one that is seen on a terminal."""
 
 
@@ -130,9 +156,7 @@ def alone(line: str) -> ParameterSet:
 
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("line", [alone(line) for line in commands() if of_kind(line) == "nothing"])
-def test_each_command_of_the_readme_works(
-    line: str, folder: Path, record: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_each_command_works(line: str, folder: Path, record: Path, capsys: pytest.CaptureFixture[str]) -> None:
     if "--record" not in line:
         shutil.copy(record, folder)
     outcome = command(capsys, *hurried(line.replace("--runs 40", "--runs 4")))  # the others are like these
@@ -140,7 +164,7 @@ def test_each_command_of_the_readme_works(
     if "--world empty" in line:
         expected = 1
         assert "no face found" in outcome.out
-    elif line.startswith("run") and "--robot" in line:  # the metal, which is not here
+    elif line.startswith("run") and "--robot" in line and "--simulate" not in line:  # the metal, which is not here
         expected = 3
         assert "no such device" in outcome.err
     assert outcome.code == expected, outcome.err
@@ -194,14 +218,14 @@ def test_the_studio_tells_its_link_and_ends_when_it_is_told(line: str, folder: P
     assert process.end(signal.SIGINT) == 0
 
 
-def test_the_files_that_the_readme_shows_load(folder: Path) -> None:
+def test_the_files_that_the_pages_show_load(folder: Path) -> None:
     assert load_robot(folder / "my_robot.yaml").parts == {"base", "voice"}
     shown, shipped = load_mission(str(folder / "greet.yaml")), load_mission("greet")
     assert [step.kind for step in shown.tree.walk()] == [step.kind for step in shipped.tree.walk()]
     assert shown.params == shipped.params
 
 
-def test_the_error_that_the_readme_shows_is_the_real_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_error_of_the_readme_is_the_real_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shown = re.findall(r"```\n(my_mission.yaml.*?)```", README, re.DOTALL)[0]
     (folder / "my_mission.yaml").write_text("mission: mine\ntree:\n  sequence:\n    - trak_face\n")
     assert shown.strip() in command(capsys, "check", "my_mission.yaml").err
