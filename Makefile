@@ -103,6 +103,7 @@ check: $(STAMP) ## style, types and the arrows between the packages
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.wording
 
 bench: $(STAMP) ## the benchmarks, as ratios measured side by side
 	$(BIN)/python -m tests.benchmarks
