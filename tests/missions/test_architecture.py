@@ -38,6 +38,8 @@ def found(name: str) -> Any:
 
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted(DECISIONS.glob("*.md"))}
 PAGES["architecture.md"] = PAGE
+GLOSSARY = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
+PAGES["glossary.md"] = GLOSSARY
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -57,7 +59,7 @@ def test_every_name_on_a_page_exists(page: str) -> None:
 def test_every_path_on_a_page_exists(page: str) -> None:
     text = PAGES[page]
     paths = re.findall(r"`((?:docs|tests|" + "|".join(PACKAGES) + r")/[\w/.]*)`", text)
-    folder = ROOT / "docs" if page == "architecture.md" else DECISIONS
+    folder = ROOT / "docs" if page in ("architecture.md", "glossary.md") else DECISIONS
     links = re.findall(r"\]\(([^)#:]+)\)", text)
     missing = [path for path in paths if not (ROOT / path).exists() and "DEVICE" not in path]
     assert missing + [link for link in links if not (folder / link).exists()] == []
@@ -115,3 +117,13 @@ def test_every_decision_is_in_the_index_with_its_title() -> None:
         title = path.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
         assert path.name.startswith(f"{number:04d}-")
         assert f"[{title}]({path.name})" in index
+
+
+def test_every_term_of_the_glossary_is_unique_and_names_a_module_or_a_page() -> None:
+    rows = re.findall(r"^\| ([^|]+) \| ([^|]+) \| ([^|]+) \|$", GLOSSARY, re.MULTILINE)
+    rows = [row for row in rows if row[0] != "term" and not row[0].startswith("-")]
+    terms = [term for term, _, _ in rows]
+    assert len(terms) > 100
+    assert len(set(terms)) == len(terms)
+    assert [term for term, meaning, _ in rows if not meaning.endswith(".")] == []
+    assert [term for term, _, place in rows if not DOTTED.search(place) and "](" not in place] == []

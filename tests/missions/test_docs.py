@@ -148,7 +148,7 @@ def test_the_generator_leaves_pages_that_are_right_alone(
 
 
 def test_every_link_of_the_docs_leads_to_a_page() -> None:
-    for page in PAGES:
+    for page in (*PAGES, *ROOT.glob("*.md")):
         for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
             assert (page.parent / link).is_file(), f"{page.name}: {link}"
 
@@ -157,6 +157,14 @@ def test_the_index_lists_every_page() -> None:
     index = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
     linked = re.findall(r"^- \[[^]]+\]\(([\w.]+)\):", index, re.MULTILINE)
     assert sorted(linked) == sorted(page.name for page in PAGES if page.name != "README.md")
+
+
+def test_the_changelog_has_few_and_short_entries() -> None:
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    entries = re.findall(r"^- .*", text.partition("## Unreleased")[2].partition("\n## ")[0], re.MULTILINE)
+    assert 50 < len(entries) <= 120
+    assert [entry for entry in entries if len(entry) > 100] == []
+    assert [line for line in text.splitlines() if line.startswith("  ")] == [], "an entry is one line"
 
 
 # Missions
