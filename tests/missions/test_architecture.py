@@ -67,7 +67,7 @@ def test_every_path_on_a_page_exists(page: str) -> None:
 
 def told() -> list[str]:
     """Return the rooms on the page, in the first column of their table."""
-    table = PAGE.partition("## The rooms")[2].partition("\n## ")[0]
+    table = PAGE.partition("## Packages")[2].partition("\n## ")[0]
     return re.findall(r"^\| `([^`]+)`", table, re.MULTILINE)
 
 
@@ -103,7 +103,7 @@ def test_rooms_lead_in_no_circle_by_whatever_way_they_name_each_other() -> None:
 
 
 def test_the_figures_on_the_page_are_those_of_the_constants() -> None:
-    table = PAGE.partition("## Where the numbers live")[2].partition("\n## ")[0]
+    table = PAGE.partition("## Numbers and their constants")[2].partition("\n## ")[0]
     rows = re.findall(r"^\| (.+?) \| (.+?) \| (.+?) \|$", table, re.MULTILINE)[2:]
     assert len(rows) > 12
     for rule, figures, names in rows:
