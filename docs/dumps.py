@@ -1,7 +1,7 @@
-"""Draws every shipped mission for the docs' gallery, and dumps three of them in every form, as golden files of tests.
+"""Draw every shipped mission for the gallery, and three of them in every form, as golden files of tests.
 
-``make docs`` writes what is stale. Pages carry a style and a script, which stand in their golden files by name: what
-changes there is tested in a browser, not here.
+``make docs`` writes the stale files. The golden files of HTML pages name their style and script instead of holding
+them; browser tests check those two.
 """
 
 import json
@@ -29,7 +29,7 @@ GALLERY = ROOT / "docs" / "gallery"
 PAGES = ROOT / "tests" / "missions" / "views" / "pictures" / "golden"
 
 IN_EVERY_FORM = ("greet", "patrol", "motions/square")
-"""The missions that are there in every form; the others only as the SVG that the gallery shows."""
+"""Missions that are drawn in every form; the others only as SVG."""
 
 LINKED = {
     ".txt": "text",
@@ -40,14 +40,14 @@ LINKED = {
     ".json": "JSON",
     ".png": "PNG",
 }
-"""What the gallery links to beside the SVG that it shows, and what the links are called."""
+"""Labels of the gallery's links to other forms, by suffix."""
 
 MOMENT = 5.0
-"""The second of greet that the example of a moment shows."""
+"""Seconds into `greet` of the example picture of a moment."""
 
 
 def dumps() -> Mapping[Path, Callable[[], Dump]]:
-    """Return each file that is to be there, and what makes its content; ImportError without the extra ``plots``."""
+    """Return a function that makes each file's content, by path. Raises ImportError without the extra ``plots``."""
     found: dict[Path, Callable[[], Dump]] = {}
     for name in shipped_missions():
         for suffix in (".svg", ".html", *LINKED) if name in IN_EVERY_FORM else (".svg",):
@@ -60,13 +60,13 @@ def dumps() -> Mapping[Path, Callable[[], Dump]]:
 
 
 def dump(name: str, suffix: str) -> Dump:
-    """Return a mission in the form that ``suffix`` means; a page has its style and script in it by name."""
+    """Return a mission in the form of ``suffix``; an HTML page names its style and script."""
     made = FORMS[SUFFIXES[suffix]](drawing(name))
     return without_assets(made) if suffix == ".html" and isinstance(made, str) else made
 
 
 def file_of(name: str, suffix: str) -> Path:
-    """Return where that stands; a mission in a folder has the folder in its name."""
+    """Return the path of a mission's file; the name of a folder becomes a prefix."""
     folder = PAGES if suffix == ".html" else GALLERY
     return folder / f"{name.replace('/', '-')}{suffix}"
 
@@ -78,14 +78,14 @@ def drawing(name: str) -> Drawing:
 
 
 def moment() -> Drawing:
-    """Return greet as it stands in the midst of a run, in simulated time."""
+    """Return the drawing of `greet` at ``MOMENT``, in simulated time."""
     events: list[Event] = []
     missions.run("greet", simulate="fast", eyes="truth", listeners=[events.append])
     return at(drawing("greet"), states_at(events, MOMENT), MOMENT)
 
 
 def is_stale(path: Path, wanted: Dump) -> bool:
-    """Say whether a file is missing or holds something else; a PNG, whether it looks otherwise."""
+    """Return whether a file is missing or has other content; for a PNG, whether it looks different."""
     if not path.is_file():
         return True
     found = path.read_bytes()
@@ -94,7 +94,7 @@ def is_stale(path: Path, wanted: Dump) -> bool:
 
 
 def look_alike(one: bytes, other: bytes) -> bool:
-    """Say whether two PNGs are the same to the eye: each release of a renderer draws edges a little differently."""
+    """Return whether two PNGs look the same; releases of a renderer differ slightly at edges."""
     left, right = (cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) for data in (one, other))
     if left is None or right is None or left.shape != right.shape:
         return False
@@ -103,7 +103,7 @@ def look_alike(one: bytes, other: bytes) -> bool:
 
 
 def gallery() -> str:
-    """Return the gallery in Markdown: each mission's picture, with links to its other forms where they are there."""
+    """Return the gallery in Markdown: each mission's picture, and links to its other forms, if any."""
     return "\n\n".join(_entry(name) for name in shipped_missions())
 
 
@@ -116,7 +116,7 @@ def _entry(name: str) -> str:
 
 
 def write() -> list[Path]:
-    """Write what is stale, take away what belongs to no mission any more, and return what has changed."""
+    """Write the stale files, remove files without a mission, and return the paths that changed."""
     changed = []
     wanted = dumps()
     for path, make in wanted.items():

@@ -1,8 +1,8 @@
-"""Draws the README's film of `greet`: the camera, the room from above and the face beside the tree with running nodes.
+"""Draw the film of `greet` for the README: camera, room and face beside the tree with its running nodes.
 
     python -m docs.film
 
-The run is simulated with a fixed seed, so the film changes only when the mission, the simulation or this module does.
+The run is simulated with a fixed seed, so the film changes only with the mission, the simulation or this module.
 """
 
 import json
@@ -26,7 +26,7 @@ FRAME_INTERVAL = 0.08
 """Seconds between two pictures of `mission run --film`."""
 
 LAST_FRAME_TIME = 2.5
-"""Seconds for which the film shows the end, before it begins again."""
+"""Seconds for which the last frame is shown before the film starts again."""
 
 SIZE = (1000, 550)
 VIEW = (440, 330)
@@ -52,7 +52,7 @@ REASON_TIME = 0.6
 """Seconds for which the reason of a running node is shown."""
 
 Status = tuple[str, str, float]
-"""A status, its reason, and since when it holds."""
+"""A status, its reason, and its start in seconds."""
 
 IDLE: Status = ("idle", "", 0.0)
 
@@ -85,7 +85,7 @@ def run(folder: Path) -> tuple[Sequence[Mapping[str, object]], Sequence[Path]]:
 
 
 def ended(events: Sequence[Mapping[str, object]]) -> float:
-    """Return the time at which the run ended, in seconds."""
+    """Return the end of the run in seconds."""
     return max(seconds(event) for event in events)
 
 
@@ -134,7 +134,7 @@ def frame(
 
 
 def mark_face(draw: ImageDraw.ImageDraw, events: Sequence[Mapping[str, object]], time: float, scale: float) -> None:
-    """Draw a box around the face that was found in the picture of this time."""
+    """Draw a box around the face that the detector found at ``time``."""
     percepts = (event for event in events if event["event"] == "percept")
     seen = {abs(float(str(event["stamp"])) - time): event["faces"] for event in percepts}
     offset = min(seen, default=1.0)
@@ -145,7 +145,7 @@ def mark_face(draw: ImageDraw.ImageDraw, events: Sequence[Mapping[str, object]],
 
 
 def label(draw: ImageDraw.ImageDraw, text: str, place: tuple[float, float]) -> None:
-    """Write a label on a dark ground."""
+    """Write a label on a dark background."""
     x, y = place
     width = draw.textlength(text, font(13))
     draw.rounded_rectangle((x - 4, y - 2, x + width + 5, y + 17), 4, fill="#1a2330")
@@ -155,7 +155,7 @@ def label(draw: ImageDraw.ImageDraw, text: str, place: tuple[float, float]) -> N
 def draw_tree(
     draw: ImageDraw.ImageDraw, rows: Sequence[tuple[int, Box]], now: Mapping[str, Status], time: float
 ) -> None:
-    """Draw the tree, a node a row, each with its status."""
+    """Draw the tree with one row for each node, with its status."""
     draw.rectangle((VIEW[0], 0, *SIZE), fill=PAPER)
     draw.line((VIEW[0], 0, VIEW[0], SIZE[1]), fill=LINE)
     draw.text((LEFT, 16), "mission run greet", fill=INK, font=font(22, bold=True))
@@ -168,7 +168,7 @@ def draw_tree(
 
 
 def draw_row(draw: ImageDraw.ImageDraw, y: int, depth: int, box: Box, now: Mapping[str, Status], time: float) -> None:
-    """Draw one node: its status, symbol, title and modifiers and, at the right, the reason while it runs."""
+    """Draw one node: status, symbol, title and modifiers, and its reason at the right while it runs."""
     status, reason, since = now.get(box.key, IDLE)
     outer, _, _ = now.get(box.badges[0].key, IDLE) if box.badges else (status, reason, since)
     shown = outer if outer in ("running", "suspended") else status

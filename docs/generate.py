@@ -1,7 +1,7 @@
-"""Writes the tables of the docs from the declarations that the checker reads, so that both say the same.
+"""Write the generated tables of the docs from the declarations that the checker reads.
 
-``make docs`` runs it. A page keeps its own words; what stands between ``<!-- NAME: begin -->`` and
-``<!-- NAME: end -->`` is written here, and so are the pictures of the gallery. A test fails while a page is stale.
+``make docs`` runs it. It replaces the text between ``<!-- NAME: begin -->`` and ``<!-- NAME: end -->`` of each page,
+and renews the pictures of the gallery. A test fails while a page is stale.
 """
 
 import inspect
@@ -60,7 +60,7 @@ def modifiers() -> str:
 
 
 def counts() -> str:
-    """Return the table of what stands beside a parallel."""
+    """Return the table of the keys that count the children of a parallel."""
     rows = ((code(word), takes, text) for word, (takes, text) in COUNTS.items())
     return table(("word", "takes", "what it does"), rows)
 
@@ -72,14 +72,14 @@ def units() -> str:
 
 
 def state() -> str:
-    """Return the table of what expressions read of the robot."""
+    """Return the table of the robot's values that expressions can read."""
     values = ((name, *each) for name in ROBOT_STATE for each in ROBOT_STATE[name].values.items())
     rows = ((code(f"{name}.{member}"), value.help) for name, member, value in values)
     return table(("name", "what it is"), rows)
 
 
 def words() -> str:
-    """Return the functions that expressions call, and the types that params have, in a line each."""
+    """Return the functions of expressions and the types of params, one line each."""
     return "\n".join(
         [
             f"- Functions: {', '.join(map(code, FUNCTIONS))}.",
@@ -94,7 +94,7 @@ def leaves() -> str:
 
 
 def entry(leaf: type[Leaf]) -> str:
-    """Return what the catalogue says of one leaf."""
+    """Return the section of one leaf: facts and arguments."""
     facts = [f"Drives {', '.join(sorted(leaf.drives))}."] if leaf.drives else []
     facts += [f"Needs {', '.join(sorted(leaf.needs))}."] if leaf.needs else []
     facts += [f"Uses {', '.join(sorted(leaf.uses))}, where there is one."] if leaf.uses else []
@@ -116,7 +116,7 @@ def entry(leaf: type[Leaf]) -> str:
 
 
 def robot_keys() -> str:
-    """Return the keys of every driver of the house, by kind of part."""
+    """Return the keys of every driver that ships, by kind of part."""
     return robot_reference(Table(), frozenset((kind, name) for kind, names in HOUSE.items() for name in names))
 
 
@@ -138,11 +138,11 @@ def studio_messages() -> str:
 
 
 def studio_errors() -> str:
-    """Return the table of the errors that answers name."""
+    """Return the table of the errors in answers."""
     return table(("error", "means"), ((code(name), about) for name, about in ERRORS.items()))
 
 
-FELT = (
+SITUATIONS = (
     *(Setting(fault=fault) for fault in FAULTS if fault != "nothing"),
     Setting(fault="bumper left", reflexes="bumper: stop"),
     Setting(fault="bumper left", reflexes="latch"),
@@ -155,7 +155,7 @@ FELT = (
     Setting(wish="too fast"),
     Setting(who="both", fault=SILENCE),
 )
-"""What the page of the base tells of."""
+"""Situations of the failsafe table in docs/base.md."""
 
 
 def commands() -> str:
@@ -165,7 +165,7 @@ def commands() -> str:
 
 
 def old_names() -> str:
-    """Return the table of the names that commands had before."""
+    """Return the table of the former names of commands."""
     rows = (
         (code(f"mission {old}"), code(new if "make" in new else f"mission {new}")) for old, new in OLD_NAMES.items()
     )
@@ -195,19 +195,19 @@ def _default(option: Option) -> str:
 
 
 def failsafe() -> str:
-    """Return what the base does by itself, stepped through."""
+    """Return the table of a base's reactions, computed by stepping through each situation."""
     usual = Setting()
     rows = []
-    for each in FELT:
+    for each in SITUATIONS:
         chosen = [f"{name}: {word}" for name in CHOICES if (word := getattr(each, name)) != getattr(usual, name)]
         story = steps(stepped_through(each))
         told = [(moment.t, words) for moment, words in story if moment.t >= 0.0] or [(0.0, story[-1][1])]
         rows.append(("<br>".join(chosen), "<br>".join(f"{t:.2f} s: {words}" for t, words in told)))
-    return table(("what is so", "then"), rows)
+    return table(("situation", "reaction"), rows)
 
 
 def _named(kind: type, leave: Sequence[str] = ()) -> str:
-    """Return the names of a message's members, each with what it is, those in brackets that may be left out."""
+    """Return the members of a message with their descriptions, optional ones in brackets."""
     found = []
     for each in members(kind):
         if each.name not in leave:
@@ -247,11 +247,11 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "studio_messages": studio_messages,
     "studio_errors": studio_errors,
 }
-"""What is written, by the name in its markers."""
+"""Generators of the tables, by the name in their markers."""
 
 
 def renewed(page: str) -> str:
-    """Return ``page`` with everything between markers written anew. Raises KeyError for a name that is not known."""
+    """Return ``page`` with new text between its markers. Raises KeyError for an unknown name."""
     return re.sub(
         r"(<!-- (\w+): begin -->\n).*?(<!-- \2: end -->)",
         lambda found: f"{found[1]}{TABLES[found[2]]()}\n{found[3]}",
@@ -266,7 +266,7 @@ def first_line(documented: object) -> str:
 
 
 def main() -> None:
-    """Renew every page and picture, and say which have changed."""
+    """Renew every page and picture, and print the names of those that changed."""
     for path in sorted(HERE.glob("*.md")):
         page = path.read_text(encoding="utf-8")
         new = renewed(page)
