@@ -123,7 +123,7 @@ def robot_keys() -> str:
 def studio_commands() -> str:
     """Return the table of the studio's commands."""
     rows = (
-        (code(word), kind.role, _named(kind, leave=("id",)), " ".join((inspect.getdoc(kind) or "").split()))
+        (code(word), kind.role, _describe_members(kind, leave=("id",)), " ".join((inspect.getdoc(kind) or "").split()))
         for word, kind in COMMANDS.items()
     )
     return table(("command", "who", "members", "what it does"), rows)
@@ -132,7 +132,8 @@ def studio_commands() -> str:
 def studio_messages() -> str:
     """Return the table of the studio's messages."""
     rows = (
-        (code(word), _named(kind), " ".join((inspect.getdoc(kind) or "").split())) for word, kind in MESSAGES.items()
+        (code(word), _describe_members(kind), " ".join((inspect.getdoc(kind) or "").split()))
+        for word, kind in MESSAGES.items()
     )
     return table(("message", "members", "what it says"), rows)
 
@@ -206,7 +207,7 @@ def failsafe() -> str:
     return table(("situation", "reaction"), rows)
 
 
-def _named(kind: type, leave: Sequence[str] = ()) -> str:
+def _describe_members(kind: type, leave: Sequence[str] = ()) -> str:
     """Return the members of a message with their descriptions, optional ones in brackets."""
     found = []
     for each in members(kind):
@@ -266,7 +267,7 @@ def first_line(documented: object) -> str:
 
 
 def main() -> None:
-    """Renew every page and picture, and print the names of those that changed."""
+    """Renew every page and picture, and print the names of the changed files."""
     for path in sorted(HERE.glob("*.md")):
         page = path.read_text(encoding="utf-8")
         new = renewed(page)

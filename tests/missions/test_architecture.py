@@ -1,4 +1,4 @@
-"""The map of the house is true: its rooms, arrows, names and figures are those of the code."""
+"""The architecture page agrees with the code: packages, dependencies, names and numbers."""
 
 import re
 import tomllib
@@ -21,8 +21,8 @@ DOTTED = re.compile(rf"`((?:{'|'.join(PACKAGES)})(?:\.\w+)+)`")
 DEVICES = {f"drivers/{where.split('.')[1]}/" for kind in HOUSE.values() for where in kind.values()}
 
 
-def found(name: str) -> Any:
-    """Return what a dotted name means; a field of a class with its default."""
+def resolve(name: str) -> Any:
+    """Return the object of a dotted name; for a field of a dataclass, its default."""
     parts = name.split(".")
     for end in range(len(parts), 0, -1):
         try:
@@ -49,7 +49,7 @@ def test_every_name_on_a_page_exists(page: str) -> None:
         if name.endswith((".py", ".yaml", ".md")):
             continue
         try:
-            found(name)
+            resolve(name)
         except (ModuleNotFoundError, AttributeError) as error:
             missing.append(f"{name}: {error}")
     assert missing == [], page
@@ -65,14 +65,14 @@ def test_every_path_on_a_page_exists(page: str) -> None:
     assert missing + [link for link in links if not (folder / link).exists()] == []
 
 
-def told() -> list[str]:
-    """Return the rooms on the page, in the first column of their table."""
+def listed_packages() -> list[str]:
+    """Return the packages in the first column of the table on the page."""
     table = PAGE.partition("## Packages")[2].partition("\n## ")[0]
     return re.findall(r"^\| `([^`]+)`", table, re.MULTILINE)
 
 
-def there() -> set[str]:
-    """Return the rooms that there are: packages, their folders, and the modules of missions outside of rooms."""
+def existing_packages() -> set[str]:
+    """Return the packages, their folders, and the modules directly in `missions`."""
     rooms = {f"{package}/" for package in PACKAGES}
     rooms |= {
         f"{path.parent.relative_to(ROOT)}/" for package in PACKAGES for path in ROOT.glob(f"{package}/*/__init__.py")
@@ -81,15 +81,15 @@ def there() -> set[str]:
     return (rooms - DEVICES) | {"drivers/DEVICE/", "drivers/servos/"}
 
 
-def test_every_room_is_on_the_page_and_every_room_of_the_page_exists() -> None:
-    assert sorted(told()) == sorted(there())
+def test_the_page_lists_exactly_the_packages_of_the_code() -> None:
+    assert sorted(listed_packages()) == sorted(existing_packages())
 
 
 def layers(contract: dict[str, Any]) -> list[set[str]]:
     return [{room.strip() for room in layer.split("|")} for layer in contract["layers"]]
 
 
-def test_the_arrows_on_the_page_are_those_that_are_held() -> None:
+def test_the_dependencies_on_the_page_are_those_of_import_linter() -> None:
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
     held = [contract for contract in contracts if contract["type"] == "layers"]
     drawn = dict(re.findall(r"^```layers ?(\w*)\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE))
@@ -98,17 +98,17 @@ def test_the_arrows_on_the_page_are_those_that_are_held() -> None:
     }
 
 
-def test_rooms_lead_in_no_circle_by_whatever_way_they_name_each_other() -> None:
+def test_packages_have_no_dependency_cycle() -> None:
     assert cycles(arrows()) == []
 
 
-def test_the_figures_on_the_page_are_those_of_the_constants() -> None:
+def test_the_numbers_on_the_page_are_those_of_the_constants() -> None:
     table = PAGE.partition("## Numbers and their constants")[2].partition("\n## ")[0]
     rows = re.findall(r"^\| (.+?) \| (.+?) \| (.+?) \|$", table, re.MULTILINE)[2:]
     assert len(rows) > 12
     for rule, figures, names in rows:
         meant = [float(figure.removesuffix(" s")) for figure in figures.split(", ")]
-        assert [found(name) for name in DOTTED.findall(names)] == meant, rule
+        assert [resolve(name) for name in DOTTED.findall(names)] == meant, rule
 
 
 def test_every_decision_is_in_the_index_with_its_title() -> None:

@@ -1,4 +1,4 @@
-"""The docs are true: their tables are those of the declarations, their missions check, their code runs."""
+"""The docs agree with the code: tables, missions, robots, worlds, tests and Python of each page."""
 
 import json
 import re
@@ -60,7 +60,7 @@ def blocks(*languages: str) -> list[Block]:
     return [block for block in found if block.language in languages]
 
 
-def own_leaves(page: Path) -> dict[str, type[Leaf]]:
+def leaves_of(page: Path) -> dict[str, type[Leaf]]:
     """The leaves that the code of a page declares."""
     names = namespace(page)
     own = [each for each in names.values() if isinstance(each, type) and issubclass(each, Leaf) and each.word]
@@ -117,19 +117,19 @@ def tutorial(*kinds: str) -> Mapping[str, str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_the_tables_are_those_of_the_declarations(page: Path) -> None:
+def test_tables_of_a_page_are_up_to_date(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    assert renewed(text) == text, "`make docs` writes the tables anew"
+    assert renewed(text) == text, "`make docs` renews the tables"
 
 
-def test_every_table_stands_somewhere_and_every_leaf_is_in_the_catalogue() -> None:
+def test_every_table_and_every_leaf_is_on_a_page() -> None:
     text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
     assert set(re.findall(r"<!-- (\w+): begin -->", text)) == TABLES.keys()
     catalogue = (ROOT / "docs" / "behaviours.md").read_text(encoding="utf-8")
     assert re.findall(r"^## (\w+)$", catalogue, re.MULTILINE) == list(LEAVES)
 
 
-def test_a_stale_table_is_written_anew_and_the_words_around_it_stay() -> None:
+def test_a_stale_table_is_replaced_and_the_text_around_it_stays() -> None:
     page = "before\n<!-- units: begin -->\nold\n<!-- units: end -->\nafter\n"
     new = renewed(page)
     assert new.startswith("before\n<!-- units: begin -->\n| dimension |")
@@ -137,7 +137,7 @@ def test_a_stale_table_is_written_anew_and_the_words_around_it_stay() -> None:
     assert "old" not in new
 
 
-def test_the_generator_leaves_pages_that_are_right_alone(
+def test_the_generator_changes_no_page_that_is_up_to_date(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = {page: page.read_bytes() for page in PAGES}
@@ -147,7 +147,7 @@ def test_the_generator_leaves_pages_that_are_right_alone(
     assert {page: page.read_bytes() for page in PAGES} == before
 
 
-def test_every_link_of_the_docs_leads_to_a_page() -> None:
+def test_every_link_leads_to_a_file() -> None:
     for page in (*PAGES, *ROOT.glob("*.md")):
         for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
             assert (page.parent / link).is_file(), f"{page.name}: {link}"
@@ -170,16 +170,16 @@ def test_the_changelog_has_few_and_short_entries() -> None:
 # Missions
 
 
-def test_the_docs_show_nothing_as_yaml_that_is_not_checked() -> None:
+def test_every_yaml_block_is_of_a_kind_that_is_checked() -> None:
     assert len(MISSIONS) > 15
     for block in blocks("yaml"):
         assert kind_of(block) in {"mission:", "-", "robot:", "world:", "object:", "tests:", "gesture:"}, block
 
 
 @pytest.mark.parametrize("block", MISSIONS, ids=str)
-def test_each_mission_of_the_docs_is_right(block: Block, folder: Path) -> None:
+def test_each_mission_of_the_docs_passes_the_checker(block: Block, folder: Path) -> None:
     del folder  # where its sub-missions are
-    leaves = {**LEAVES, **own_leaves(block.page)}
+    leaves = {**LEAVES, **leaves_of(block.page)}
     text = as_mission(block)
     check_plan(Source("docs.yaml", text), leaves, THINGS, find_mission=find_mission)
     schema = mission_schema(leaves, known_things())
@@ -187,21 +187,21 @@ def test_each_mission_of_the_docs_is_right(block: Block, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("block", of_kind("robot:"), ids=str)
-def test_each_robot_of_the_docs_is_right(block: Block, tmp_path: Path) -> None:
+def test_each_robot_file_of_the_docs_loads(block: Block, tmp_path: Path) -> None:
     file = tmp_path / "robot.yaml"
     file.write_text(block.text, encoding="utf-8")
     assert load_robot(file).parts
 
 
 @pytest.mark.parametrize("block", of_kind("object:"), ids=str)
-def test_an_object_of_the_docs_can_be_looked_for(block: Block, tmp_path: Path) -> None:
+def test_each_object_file_of_the_docs_loads(block: Block, tmp_path: Path) -> None:
     path = tmp_path / "object.yaml"
     path.write_text(block.text, encoding="utf-8")
     assert load_object(path).summary
 
 
 @pytest.mark.parametrize("block", of_kind("world:"), ids=str)
-def test_each_world_of_the_docs_is_right(block: Block) -> None:
+def test_each_world_of_the_docs_loads(block: Block) -> None:
     world = build_world(read_world(Source("docs.yaml", block.text)))
     assert world.room.length > 0
 
@@ -271,7 +271,7 @@ def test_the_gesture_of_the_tutorial_is_refused_beyond_a_limit(
     assert "shoulder_lift" in outcome.err
 
 
-def test_the_mistake_that_the_tutorial_shows_is_the_real_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_error_of_the_tutorial_is_the_real_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     step = folder / "step.yaml"
     step.write_text(step.read_text(encoding="utf-8").replace("90 deg", "90"), encoding="utf-8")
     outcome: Outcome = command(capsys, "check", "step.yaml")
@@ -283,9 +283,9 @@ def test_the_mistake_that_the_tutorial_shows_is_the_real_one(folder: Path, capsy
 # Leaves
 
 
-def test_the_leaf_of_the_docs_nods_as_often_as_it_is_told() -> None:
+def test_the_leaf_of_the_docs_bows_the_given_number_of_times() -> None:
     bench = Bench()
-    bow = own_leaves(ROOT / "docs" / "leaves.md")["bow"]
+    bow = leaves_of(ROOT / "docs" / "leaves.md")["bow"]
     leaf = bench.put(bow(bow.word), times=3)
     ticks = 0
     while bench.tick(leaf, after=0.1) is Status.RUNNING:
@@ -321,7 +321,7 @@ def test_the_test_that_the_docs_show_passes() -> None:
         test()
 
 
-def test_every_attribute_that_the_docs_tell_of_is_one_of_a_leaf() -> None:
+def test_every_attribute_of_the_leaf_page_exists() -> None:
     page = (ROOT / "docs" / "leaves.md").read_text(encoding="utf-8")
     told = re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE)
     assert len(told) > 8

@@ -16,13 +16,16 @@ from contextlib import suppress
 from pathlib import Path
 
 import cv2
+import PIL.Image
 import pytest
 import skimage
 from _pytest.mark import ParameterSet
 
+from docs import film
 from missions.cli.root import guarded, mission
 from missions.library.drivers import load_robot
 from missions.library.shipped import load_mission
+from missions.trees.draw import drawing_of
 from tests.missions.command import Process, command
 from tests.perception.people_drawn import pictures
 
@@ -64,7 +67,7 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def files_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the files that the pages mention: missions, a robot, photos and a video of people."""
     folder = tmp_path_factory.mktemp("made")
     for name, text in files():
@@ -88,21 +91,21 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def folder(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Such a folder for one test, which works in it."""
-    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
+def folder(files_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of that folder, as the current folder of one test."""
+    shutil.copytree(files_folder, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 def words(line: str) -> list[str]:
-    """Return the words of a command line as a shell hands them on."""
+    """Return the words of a command line as a shell passes them on."""
     found = ([str(path) for path in sorted(Path().glob(word))] if "*" in word else [word] for word in shlex.split(line))
     return [word for several in found for word in several]
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_shell_would_hand_these_words_on() -> None:
+def test_words_of_a_command_are_those_of_a_shell() -> None:
     photos = [f"photos/anna{number}.jpg" for number in range(4)]
     assert words('person add "Anna B" photos/anna*.jpg') == ["person", "add", "Anna B", *photos]
 
@@ -119,27 +122,37 @@ def test_the_readme_is_short_and_names_the_first_chores() -> None:
     assert "make test" in README
 
 
+def test_the_film_shows_every_node_of_greet() -> None:
+    rows = list(film.tree_rows(drawing_of(load_mission("greet")).root))
+    picture = PIL.Image.new("RGB", (1600, 480))
+    frame = film.frame(picture, rows, [], time=0.0)
+    with PIL.Image.open(film.FILM) as shown:
+        assert shown.size == frame.size == film.SIZE
+    bottom = frame.crop((film.LEFT, 62 + (len(rows) - 1) * film.ROW, frame.width, frame.height))
+    assert bottom.getextrema() != PIL.Image.new("RGB", (1, 1), film.PAPER).getextrema(), "the last row is empty"
+
+
 def test_the_film_is_animated_and_small() -> None:
-    film = ROOT / "docs" / "studio" / "greet.webp"
-    assert film.stat().st_size < MAX_FILM_BYTES
-    assert f"docs/studio/{film.name}" in README
-    assert b"ANIM" in film.read_bytes()[:64]
+    path = ROOT / "docs" / "studio" / "greet.webp"
+    assert path.stat().st_size < MAX_FILM_BYTES
+    assert f"docs/studio/{path.name}" in README
+    assert b"ANIM" in path.read_bytes()[:64]
 
 
 def of_kind(line: str) -> str:
-    """Return what a test of this command needs."""
+    """Return the stand-in that a test of this command needs."""
     kinds = {"simulate": "devices", "hear": "microphone", "studio": "page"}
     return "terminal" if line.endswith("--view") else kinds.get(line.split(maxsplit=1)[0], "nothing")
 
 
 PACED = "run there_and_back.yaml --json"
-"""The command that is tried in real time, as whoever types it sees it; so is the one that is seen on a terminal."""
+"""The run that is tested in real time, as a user sees it; the one with `--view` is another."""
 
 
-def hurried(line: str) -> list[str]:
-    """Return the words of a command; a run that says nothing of time or of metal is given simulated time.
+def with_simulated_time(line: str) -> list[str]:
+    """Return the words of a command, in simulated time unless it chooses its time or names a robot.
 
-    One that shows what params are for needs no pictures, and one that films finds people without looking for them.
+    A run with params, or with a film, gets `--eyes truth`, which needs no pictures.
     """
     simulated = line.startswith(("run ", "motion ")) and not line.startswith(PACED)
     own = {"--simulate", "--speed", "--eyes", "--robot", "--camera", "--film"} & set(line.split())
@@ -148,23 +161,23 @@ def hurried(line: str) -> list[str]:
     return [*words(line), *hurry, *truth]
 
 
-def alone(line: str) -> ParameterSet:
-    """Return a command to try by itself: a run is in real time unless it says otherwise, or is ``hurried``."""
-    real = line.startswith(("run ", "motion ", "servo ")) and not {"fast", "truth"} & set(hurried(line))
+def as_parameter(line: str) -> ParameterSet:
+    """Return a command as a test parameter, marked if it runs in real time."""
+    real = line.startswith(("run ", "motion ", "servo ")) and not {"fast", "truth"} & set(with_simulated_time(line))
     return pytest.param(line, marks=[pytest.mark.real_time] if real else [])
 
 
 @pytest.mark.usefixtures("here")
-@pytest.mark.parametrize("line", [alone(line) for line in commands() if of_kind(line) == "nothing"])
+@pytest.mark.parametrize("line", [as_parameter(line) for line in commands() if of_kind(line) == "nothing"])
 def test_each_command_works(line: str, folder: Path, record: Path, capsys: pytest.CaptureFixture[str]) -> None:
     if "--record" not in line:
         shutil.copy(record, folder)
-    outcome = command(capsys, *hurried(line.replace("--runs 40", "--runs 4")))  # the others are like these
+    outcome = command(capsys, *with_simulated_time(line.replace("--runs 40", "--runs 4")))  # the others are like these
     expected = 0
     if "--world empty" in line:
         expected = 1
         assert "no face found" in outcome.out
-    elif line.startswith("run") and "--robot" in line and "--simulate" not in line:  # the metal, which is not here
+    elif line.startswith("run") and "--robot" in line and "--simulate" not in line:  # hardware, which is not here
         expected = 3
         assert "no such device" in outcome.err
     assert outcome.code == expected, outcome.err
@@ -173,7 +186,7 @@ def test_each_command_works(line: str, folder: Path, record: Path, capsys: pytes
 
 
 @pytest.mark.parametrize("line", [line for line in commands() if of_kind(line) == "microphone"])
-def test_it_listens_to_a_recording_where_there_is_no_microphone(
+def test_hear_takes_a_recording_instead_of_a_microphone(
     line: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     del folder
@@ -181,7 +194,7 @@ def test_it_listens_to_a_recording_where_there_is_no_microphone(
 
 
 @pytest.mark.parametrize("line", [line for line in commands() if of_kind(line) == "terminal"])
-def test_it_is_seen_on_a_terminal(line: str, folder: Path) -> None:
+def test_view_shows_the_run_on_a_terminal(line: str, folder: Path) -> None:
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, b"\x28\x00\x78\x00\x00\x00\x00\x00")  # 40 lines of 120 characters
     screen = subprocess.Popen(
@@ -204,7 +217,7 @@ def test_it_is_seen_on_a_terminal(line: str, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("line", [line for line in commands() if of_kind(line) == "devices"])
-def test_the_virtual_devices_tell_their_ports(line: str, folder: Path) -> None:
+def test_simulate_prints_the_ports_of_its_devices(line: str, folder: Path) -> None:
     process = Process(*shlex.split(line), folder=folder)
     first = process.wait_for_line(lambda text: text.startswith("{"))
     assert '"ports"' in first
@@ -212,7 +225,7 @@ def test_the_virtual_devices_tell_their_ports(line: str, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("line", [line for line in commands() if of_kind(line) == "page"])
-def test_the_studio_tells_its_link_and_ends_when_it_is_told(line: str, folder: Path) -> None:
+def test_the_studio_prints_its_link_and_ends_on_ctrl_c(line: str, folder: Path) -> None:
     process = Process(*shlex.split(line), "--port", "0", folder=folder)
     process.wait_for_line(lambda text: "http://127.0.0.1:" in text)
     assert process.end(signal.SIGINT) == 0
